@@ -1,8 +1,8 @@
 //! Codec of messages, in postcard's format.
 //!
-//! A decoder believes no length. Bytes are counted against [`crate::limits`] before anything else
-//! happens; lists grow only as their elements are read; bytes after the message are an error; and
-//! what comes out has passed [`ToNode::validate`] or [`ToClient::validate`].
+//! A decoder trusts no length on the wire. The number of bytes is checked against [`crate::limits`]
+//! before anything else; lists grow only as their elements are read; bytes after the message are an
+//! error; and a decoded message has passed [`ToNode::validate`] or [`ToClient::validate`].
 
 use carom_tracer::Scene;
 use postcard::de_flavors::{Flavor, Slice};
@@ -17,8 +17,7 @@ use crate::limits::{
 use crate::message::{RequestId, SceneHash, ToClient, ToNode, VERSION};
 
 impl SceneHash {
-    /// The hash under which nodes keep `scene`. Equal scenes have equal hashes, bit for bit of
-    /// their numbers.
+    /// The hash under which nodes keep `scene`. Scenes whose numbers are equal bit for bit have equal hashes.
     ///
     /// # Panics
     /// Never: a scene is plain data, which postcard always can write.
@@ -31,43 +30,42 @@ impl SceneHash {
     }
 }
 
-/// The bytes of a scene.
+/// The encoded bytes of a scene.
 pub(crate) fn encode_scene(scene: &Scene) -> Vec<u8> {
     postcard::to_stdvec(scene).expect("plain data")
 }
 
-/// The scene that `bytes` are; whether it can be drawn has not been looked at.
+/// Decodes a scene, without checking that it can be drawn.
 pub(crate) fn decode_scene(bytes: &[u8]) -> Result<Scene, Error> {
     decode("scene", bytes)
 }
 
-/// The message with a scene of those bytes.
+/// The encoded [`ToNode::Scene`] around a scene's bytes, which are encoded once for all nodes.
 pub(crate) fn scene_message(hash: SceneHash, scene: &[u8]) -> Vec<u8> {
     [&[SCENE_VARIANT], &hash.0[..], scene].concat()
 }
 
-/// The bytes of `message`.
+/// Encodes `message`.
 ///
 /// # Errors
-/// [`Error::Unsendable`] if the node would refuse them: see [`ToNode::validate`] and the sizes in
+/// [`Error::Unsendable`] if the node would refuse the message: see [`ToNode::validate`] and the sizes in
 /// [`crate::limits`].
 pub fn encode_to_node(message: &ToNode) -> Result<Vec<u8>, Error> {
     let what = to_node_kind(message);
     encode(message, what, message.validate(), to_node_bytes_max)
 }
 
-/// The bytes of `message`.
+/// Encodes `message`.
 ///
 /// # Errors
-/// [`Error::Unsendable`] if the client would refuse them: see [`ToClient::validate`] and the sizes
+/// [`Error::Unsendable`] if the client would refuse the message: see [`ToClient::validate`] and the sizes
 /// in [`crate::limits`].
 pub fn encode_to_client(message: &ToClient) -> Result<Vec<u8>, Error> {
     let what = to_client_kind(message);
     encode(message, what, message.validate(), to_client_bytes_max)
 }
 
-/// The message that `bytes` are. A scene's hash has been verified; whether the scene can be drawn
-/// has not been looked at.
+/// Decodes a message to a node. A scene's hash has been verified, but not that the scene can be drawn.
 ///
 /// # Errors
 /// [`Error::TooLarge`], [`Error::Malformed`], or [`Error::Version`] for a greeting of another
@@ -80,7 +78,7 @@ pub fn decode_to_node(bytes: &[u8]) -> Result<ToNode, Error> {
         .validate()
         .map_err(|reason| Error::malformed(what, reason))?;
     match &message {
-        // What came is hashed, not what was read from it: a scene need not be encoded again.
+        // The hash is of the received bytes, so that the scene need not be encoded again to verify it.
         ToNode::Scene { hash, .. } if SceneHash::of_bytes(&bytes[SCENE_OFFSET..]) != *hash => {
             Err(Error::malformed(what, SCENE_HASH))
         }
@@ -88,7 +86,7 @@ pub fn decode_to_node(bytes: &[u8]) -> Result<ToNode, Error> {
     }
 }
 
-/// The message that `bytes` are.
+/// Decodes a message to a client.
 ///
 /// # Errors
 /// [`Error::TooLarge`], [`Error::Malformed`], or [`Error::Version`] for a greeting of another
@@ -103,7 +101,7 @@ pub fn decode_to_client(bytes: &[u8]) -> Result<ToClient, Error> {
     Ok(message)
 }
 
-/// The request of a tile message, from its first bytes alone; `None` if it is none.
+/// The request of a tile message, from its first bytes alone; `None` for any other message.
 pub fn request_of_tiles(bytes: &[u8]) -> Option<RequestId> {
     let (&TILES_VARIANT, rest) = bytes.split_first()? else {
         return None;
@@ -112,7 +110,7 @@ pub fn request_of_tiles(bytes: &[u8]) -> Option<RequestId> {
     Some(request)
 }
 
-/// Whether `bytes` are a scene or a part of one, from the first of them alone: what a
+/// Whether `bytes` are a scene or a part of one, from the first byte alone: the messages that a
 /// [`crate::session::SceneAssembler`] handles.
 pub fn is_of_scene(bytes: &[u8]) -> bool {
     matches!(
@@ -121,12 +119,12 @@ pub fn is_of_scene(bytes: &[u8]) -> bool {
     )
 }
 
-/// Whether `bytes` begin a scene in chunks, from the first of them alone.
+/// Whether `bytes` are a manifest, which begins a scene in chunks, from the first byte alone.
 pub fn is_manifest(bytes: &[u8]) -> bool {
     bytes.first() == Some(&MANIFEST_VARIANT)
 }
 
-/// Whether `bytes` are a trace request, from the first of them alone.
+/// Whether `bytes` are a trace request, from the first byte alone.
 pub fn is_trace(bytes: &[u8]) -> bool {
     bytes.first() == Some(&TRACE_VARIANT)
 }
@@ -166,7 +164,7 @@ pub(crate) fn to_client_kind(message: &ToClient) -> &'static str {
     }
 }
 
-/// The most bytes of a message to a node that begins so.
+/// The maximum size in bytes of a message to a node, by its first byte.
 fn to_node_bytes_max(bytes: &[u8]) -> usize {
     match bytes.first() {
         Some(&SCENE_VARIANT) => SCENE_OFFSET + SCENE_MESSAGE_BYTES_MAX,
@@ -177,7 +175,7 @@ fn to_node_bytes_max(bytes: &[u8]) -> usize {
     }
 }
 
-/// The most bytes of a message to a client that begins so.
+/// The maximum size in bytes of a message to a client, by its first byte.
 fn to_client_bytes_max(bytes: &[u8]) -> usize {
     match bytes.first() {
         Some(&TILES_VARIANT) => TILES_BYTES_MAX,
@@ -185,7 +183,7 @@ fn to_client_bytes_max(bytes: &[u8]) -> usize {
     }
 }
 
-/// The bytes of a message that is `valid`, if they are not too many.
+/// Encodes a message unless its validation failed or its bytes are too many.
 fn encode(
     message: &impl Serialize,
     what: &'static str,
@@ -203,7 +201,7 @@ fn encode(
     }
 }
 
-/// The message that at most `max` bytes are.
+/// Decodes a message of at most `max` bytes.
 fn decode_message<T: DeserializeOwned>(
     what: &'static str,
     bytes: &[u8],
@@ -217,9 +215,9 @@ fn decode_message<T: DeserializeOwned>(
     decode(what, bytes)
 }
 
-/// Looks at a greeting's version alone: what follows may have another form in another version.
-/// All variants have numbers of one byte, and written in two, as postcard would take them, they
-/// would get past the check.
+/// Checks a greeting's version before the rest is decoded, whose layout may differ in another version.
+/// All variants have numbers of one byte. The same number as a varint of two bytes, which postcard would
+/// accept, would bypass the check and is refused.
 fn check_version(what: &'static str, bytes: &[u8]) -> Result<(), Error> {
     if bytes.first().is_some_and(|&variant| variant >= 0x80) {
         return Err(Error::malformed(what, UNKNOWN_MESSAGE));
@@ -248,10 +246,10 @@ fn decode<T: DeserializeOwned>(what: &'static str, bytes: &[u8]) -> Result<T, Er
     Err(Error::malformed(what, rule))
 }
 
-/// A slice that states no remaining length. Postcard hands a list's announced length on as a
-/// size hint when at least as many bytes are left, and serde reserves up to 1 MiB by it: 36 times
-/// the message for poses. Against a hint of 0 bytes each length is implausible and none is handed
-/// on, so that lists grow by what was read.
+/// A slice that reports no remaining length. Postcard passes a list's announced length on as serde's
+/// size hint if at least as many bytes are left, and serde reserves up to 1 MiB by it: 36 times the
+/// message for poses. Against 0 remaining bytes every announced length is implausible and no hint is
+/// passed on, so that lists grow only by what has been read.
 struct BoundedSlice<'de>(Slice<'de>);
 
 impl<'de> Flavor<'de> for BoundedSlice<'de> {

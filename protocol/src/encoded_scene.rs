@@ -1,9 +1,10 @@
-//! Scene as a client sends it: its bytes, encoded once for all nodes, and where they are cut into chunks.
+//! Encoded scene of a client: bytes made once for all nodes, and their division into chunks.
 //!
-//! Chunks end where their content says (FastCDC: Xia et al., "The Design of Fast Content-Defined Chunking for
-//! Data Deduplication Based Storage Systems", 2020). Meshes, textures and environment maps lie in one piece each in
-//! a scene's bytes, so two scenes that differ in one of them, or in the length of a list before it, differ in its
-//! chunks and one at either side of them. Cuts at fixed places would shift with each byte that is added.
+//! Chunk boundaries are content-defined (FastCDC: Xia et al., "The Design of Fast Content-Defined Chunking
+//! for Data Deduplication Based Storage Systems", 2020). Each mesh, texture and environment map is contiguous
+//! in a scene's bytes, so two scenes that differ in one of them, or in the length of a list before it, share
+//! all chunks but its own and one at either side. Boundaries at fixed offsets would shift with each inserted
+//! byte.
 
 use std::fmt;
 use std::sync::Arc;
@@ -16,17 +17,17 @@ use crate::error::{Error, Reason};
 use crate::limits::{CHUNK_BYTES_MAX, SCENE_BYTES_MAX, SCENE_MESSAGE_BYTES_MAX};
 use crate::message::{ChunkKey, SceneHash};
 
-/// A scene's bytes, which sessions share.
+/// The encoded bytes of a scene, shared by sessions.
 #[derive(PartialEq, Eq)]
 pub struct EncodedScene {
     hash: SceneHash,
     bytes: Vec<u8>,
-    /// None if it travels as one message.
+    /// Empty if the scene travels as one message.
     chunks: Vec<ChunkKey>,
 }
 
 impl EncodedScene {
-    /// The bytes of `scene`.
+    /// Encodes `scene`.
     ///
     /// # Errors
     /// [`Error::Unsendable`] if the scene cannot be drawn or has more than [`SCENE_BYTES_MAX`] bytes.
@@ -50,22 +51,22 @@ impl EncodedScene {
         }))
     }
 
-    /// What nodes keep it under.
+    /// The hash under which nodes keep the scene.
     pub const fn hash(&self) -> SceneHash {
         self.hash
     }
 
-    /// How many bytes it has.
+    /// The number of encoded bytes.
     pub const fn bytes(&self) -> usize {
         self.bytes.len()
     }
 
-    /// Its chunks in order; none if it travels as one message.
+    /// The chunks in order; empty if the scene travels as one message.
     pub fn chunks(&self) -> &[ChunkKey] {
         &self.chunks
     }
 
-    /// The message of a scene without chunks.
+    /// The encoded message of a scene without chunks.
     pub(crate) fn message(&self) -> Vec<u8> {
         codec::scene_message(self.hash, &self.bytes)
     }
@@ -90,10 +91,11 @@ fn cut(bytes: &[u8]) -> Vec<ChunkKey> {
         .collect()
 }
 
-/// The shortest chunk but the last of a scene: [`crate::limits::CHUNKS_MAX`] of it make the longest scene.
+/// Minimum length of a chunk but a scene's last: [`crate::limits::CHUNKS_MAX`] of them make the longest
+/// scene.
 const CHUNK_BYTES_MIN: usize = 32 << 10;
-/// Longer chunks send more that has not changed, half of one at either side of a change; shorter ones make the list of
-/// them longer, which has 28 kB for 100 MB, and a node's cache more files.
+/// Mean length of a chunk. Longer chunks send more unchanged bytes again, half a chunk at either side of a
+/// change; shorter ones lengthen the manifest, of 28 kB for 100 MB, and add files to a node's cache.
 const CHUNK_BYTES_MEAN: usize = 128 << 10;
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
-/// The peer is at fault, and a session that met one is closed, but for [`Error::Unsendable`], where
-/// the caller is, and which changes nothing.
+/// Error of the protocol. The peer is at fault, and the session that returned the error is closed, except
+/// for [`Error::Unsendable`]: there the caller is at fault, and nothing has changed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
     /// The peer speaks another version of the protocol.
@@ -24,7 +24,7 @@ pub enum Error {
         /// The limit, from [`crate::limits`].
         max: u64,
     },
-    /// Bytes are no message, or the message breaks a rule.
+    /// The bytes are no message, or the message breaks a rule.
     #[error("the peer sent a malformed {what}: {reason}")]
     Malformed {
         /// Kind of message or field.
@@ -57,14 +57,14 @@ pub enum Error {
 pub struct Reason(Cow<'static, str>);
 
 impl Reason {
-    /// Of a request whose scene the node has not been given, or has given up for others.
+    /// The reason for a request whose scene the node was never given or has evicted for others.
     pub const SCENE_NOT_HELD: Self = Self(Cow::Borrowed("the node does not hold its scene"));
 
     pub(crate) fn too_long(bytes: usize, max: usize) -> Self {
         format!("it has {bytes} bytes: at most {max} are allowed").into()
     }
 
-    /// The reason that the tracer gives.
+    /// The reason that the tracer states.
     pub(crate) fn tracer(error: impl ToString) -> Self {
         error.to_string().into()
     }
@@ -99,11 +99,11 @@ impl Error {
     }
 }
 
-/// Of what must have at least a byte.
+/// The reason for bytes that are empty where at least one is required.
 pub(crate) const EMPTY: &str = "it has no bytes";
-/// Of what may come once.
+/// The reason for a second message of a kind that may come once.
 pub(crate) const REPEATED: &str = "there has been one";
-/// Of a scene, whatever it came as.
+/// The reason for a scene, in one message or in chunks, whose bytes do not match its hash.
 pub(crate) const SCENE_HASH: &str = "it does not hash to its hash";
-/// Of what follows the end of a session.
+/// The reason for a packet after the end of a session.
 pub(crate) const SESSION_CLOSED: &str = "the session is closed";

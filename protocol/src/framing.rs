@@ -1,9 +1,9 @@
-//! Framing of packets in a stream of bytes: each behind its length, four bytes, the lowest first.
+//! Framing of packets in a byte stream: a length as a little-endian `u32`, then the packet.
 
 use crate::error::{EMPTY, Error};
 use crate::limits::TO_NODE_BYTES_MAX;
 
-/// The packet behind its length, ready for a stream.
+/// Prefixes a packet with its length, ready for a stream.
 ///
 /// # Panics
 /// If it is longer than any message, which no session hands out.
@@ -15,7 +15,7 @@ pub fn frame(packet: &[u8]) -> Vec<u8> {
     framed
 }
 
-/// Cuts a stream into its packets, however the bytes come in.
+/// Splitter of a byte stream into packets, in whatever pieces the bytes arrive.
 ///
 /// ```
 /// let mut deframer = carom_protocol::framing::Deframer::new(1024);
@@ -27,14 +27,14 @@ pub fn frame(packet: &[u8]) -> Vec<u8> {
 /// ```
 #[derive(Debug)]
 pub struct Deframer {
-    /// What has been pushed; packets before `start` have been handed out.
+    /// Bytes that have been pushed; the packets before `start` have been handed out.
     bytes: Vec<u8>,
     start: usize,
     packet_bytes_max: usize,
 }
 
 impl Deframer {
-    /// For packets of up to `packet_bytes_max` bytes: [`TO_NODE_BYTES_MAX`] at a node,
+    /// A deframer for packets of up to `packet_bytes_max` bytes: [`TO_NODE_BYTES_MAX`] at a node,
     /// [`crate::limits::CONTROL_BYTES_MAX`] at a client.
     pub const fn new(packet_bytes_max: usize) -> Self {
         Self {
@@ -44,20 +44,20 @@ impl Deframer {
         }
     }
 
-    /// Takes the next bytes of the stream. Follow with [`Deframer::next_packet`] until there is
-    /// none: what is kept then is less than one packet, and no more than has come in.
+    /// Appends the next bytes of the stream. Call [`Deframer::next_packet`] afterwards until it returns
+    /// `None`: then less than one packet is buffered, and no more than has been pushed.
     pub fn push(&mut self, bytes: &[u8]) {
-        // What is left is moved once for all the packets that were handed out since.
+        // The remainder is moved once for all packets that were handed out since the last push.
         self.bytes.drain(..self.start);
         self.start = 0;
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// The next whole packet.
+    /// The next complete packet, or `None` until more bytes are pushed.
     ///
     /// # Errors
-    /// [`Error::TooLarge`] or [`Error::Malformed`] as soon as a length is out of range, before
-    /// its packet is waited for. The stream is of no use then.
+    /// [`Error::TooLarge`] or [`Error::Malformed`] as soon as a length is out of range, without waiting
+    /// for its packet. The stream is unusable afterwards.
     pub fn next_packet(&mut self) -> Result<Option<Vec<u8>>, Error> {
         let rest = &self.bytes[self.start..];
         let Some((&length, rest)) = rest.split_first_chunk::<LENGTH_BYTES>() else {

@@ -1,6 +1,6 @@
 //! Wire protocol between a client and its farm nodes.
 //!
-//! `protocol/WIRE.md` gives every byte; the modules here make and read them.
+//! `protocol/WIRE.md` specifies every byte; the modules here write and read them.
 //!
 //! ```text
 //! client                                      node
@@ -14,7 +14,7 @@
 //!
 //! The crate knows no socket, no clock and no thread: [`session`] turns packets into events and
 //! calls into packets, [`codec`] packets into messages, [`tile_codec`] pixels into bytes.
-//! [`limits`] lists what a peer may cost.
+//! [`limits`] bounds what a peer may send or make this program keep.
 //!
 //! ```
 //! use carom_protocol::{tile_codec::Encoder, *};

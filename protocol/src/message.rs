@@ -9,23 +9,23 @@ use serde::{Deserialize, Serialize};
 
 use crate::precision::PrecisionRange;
 
-/// Raised by every change of a message; both ends must speak the same. [`ToNode::Hello`] and
-/// [`ToClient::Welcome`] begin with their variant, 0, and this number in every version, so that
-/// ends of different versions can say so.
+/// Version of the protocol, raised by every change of a message; both ends must have the same.
+/// [`ToNode::Hello`] and [`ToClient::Welcome`] begin with their variant, 0, and this number in every
+/// version, so that ends of different versions can report it.
 pub const VERSION: u16 = 20;
 
-/// BLAKE3 of a scene's postcard bytes: nodes keep scenes by it.
+/// BLAKE3 of a scene's postcard bytes, under which nodes keep it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct SceneHash(pub [u8; 32]);
 
-/// A frame of one client, in the order of submission.
+/// Number of a frame of one client, in the order of submission.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
 )]
 pub struct FrameId(pub u64);
 
 impl FrameId {
-    /// First id of frames in the background, which are served after all others: the upper half.
+    /// First id of background frames, which are served after all others: the upper half of all ids.
     pub const BACKGROUND_FIRST: Self = Self(1 << 63);
 
     /// Whether it is served after all frames below [`FrameId::BACKGROUND_FIRST`].
@@ -34,13 +34,13 @@ impl FrameId {
     }
 }
 
-/// A request of one client to one node; never used twice on a connection.
+/// Number of a request of one client to one node; never used twice on a connection.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
 )]
 pub struct RequestId(pub u64);
 
-/// From the client to a node.
+/// Message from the client to a node.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ToNode {
     /// The first message of a connection.
@@ -48,44 +48,45 @@ pub enum ToNode {
         /// [`VERSION`] of the client.
         version: u16,
     },
-    /// A scene of at most [`crate::limits::SCENE_MESSAGE_BYTES_MAX`] bytes to keep; answered by [`ToClient::SceneReady`] or [`ToClient::SceneRefused`].
+    /// A scene of at most [`crate::limits::SCENE_MESSAGE_BYTES_MAX`] bytes to keep; answered by
+    /// [`ToClient::SceneReady`] or [`ToClient::SceneRefused`].
     Scene {
-        /// What the node must find when it hashes `scene`.
+        /// The hash that the scene's bytes must have.
         hash: SceneHash,
         /// The scene.
         scene: Box<Scene>,
     },
     /// Tiles to trace.
     Trace(Box<TraceRequest>),
-    /// All requests of frames before this one are no longer wanted.
+    /// Cancels all requests of frames before this one.
     CancelBefore(FrameId),
-    /// One request is no longer wanted.
+    /// Cancels one request.
     CancelRequest(RequestId),
     /// Answered at once by [`ToClient::Pong`] with the same number.
     Ping(u64),
-    /// The client has all that it asked for and asks for nothing more, as the node is
-    /// [`ToClient::Leaving`], which may close the connection.
+    /// The client has received all that it asked for and will ask for nothing more, since the node is
+    /// [`ToClient::Leaving`]. The node may then close the connection.
     Leave,
-    /// What a longer scene consists of; answered by [`ToClient::ChunksWanted`] or [`ToClient::SceneRefused`].
-    /// No other one follows before the answer to [`ToNode::ChunksSent`].
+    /// The chunks of a longer scene; answered by [`ToClient::ChunksWanted`] or [`ToClient::SceneRefused`].
+    /// No other manifest follows before the answer to [`ToNode::ChunksSent`].
     Manifest {
-        /// BLAKE3 of all its bytes.
+        /// BLAKE3 of all bytes of the scene.
         hash: SceneHash,
-        /// Its chunks in order; the same may be there several times.
+        /// Its chunks in order; one may occur several times.
         chunks: Vec<ChunkKey>,
     },
-    /// The next chunk of those that are wanted.
+    /// The next of the chunks that are wanted.
     Chunk {
         /// Its bytes.
         #[serde(with = "byte_string")]
         bytes: Vec<u8>,
     },
-    /// All chunks that were wanted have been sent, and the scene counts as sent; answered by [`ToClient::SceneReady`] or
-    /// [`ToClient::SceneRefused`].
+    /// All wanted chunks have been sent, and the scene counts as sent; answered by [`ToClient::SceneReady`]
+    /// or [`ToClient::SceneRefused`].
     ChunksSent(SceneHash),
 }
 
-/// From a node to the client.
+/// Message from a node to the client.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ToClient {
     /// The answer to [`ToNode::Hello`].
@@ -114,36 +115,36 @@ pub enum ToClient {
     Pong {
         /// The ping's number.
         number: u64,
-        /// What others have of the node.
+        /// Load of the node by its other players.
         load: NodeLoad,
     },
-    /// So many bytes of the scene whose chunks are sent are there: said now and then.
+    /// Progress of the scene whose chunks are being sent, reported from time to time.
     SceneComing {
-        /// At most the scene's length.
+        /// Bytes of it that the node has, at most the scene's length.
         bytes: u32,
     },
-    /// The node is about to end: it answers what it has been asked, and should be asked for nothing more.
+    /// The node is about to end: it answers the requests that it has, and should be sent no others.
     Leaving,
     /// The chunks of a scene that the node lacks.
     ChunksWanted {
         /// The scene's hash.
         hash: SceneHash,
-        /// Rising places in its [`ToNode::Manifest`]; the first one of each chunk that is there several times.
+        /// Ascending indices in its [`ToNode::Manifest`]; the first one of a chunk that occurs several times.
         chunks: Vec<u32>,
     },
 }
 
-/// A chunk of a scene's bytes by its content.
+/// Content address of a chunk of a scene's bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct ChunkKey {
     /// BLAKE3 of its bytes.
     pub hash: [u8; 32],
-    /// How many they are: 1 to [`crate::limits::CHUNK_BYTES_MAX`].
+    /// Its length in bytes, 1 to [`crate::limits::CHUNK_BYTES_MAX`].
     pub bytes: u32,
 }
 
 impl ChunkKey {
-    /// The key of those bytes.
+    /// The key of a chunk with these bytes.
     pub fn of(bytes: &[u8]) -> Self {
         Self {
             hash: *blake3::hash(bytes).as_bytes(),
@@ -152,10 +153,10 @@ impl ChunkKey {
     }
 }
 
-/// What a node's other players have of its device.
+/// Load of a node's device by its other players.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NodeLoad {
-    /// Players it has traced for within the last second, or that wait.
+    /// Number of players that wait, or that it has traced for within the last second.
     pub players: u16,
     /// The share of the last second in which the device was busy for them, in percent: 0 to 100.
     pub busy_percent: u8,
@@ -166,14 +167,14 @@ pub struct NodeLoad {
 pub struct NodeInfo {
     /// The node's name, from its certificate; empty for a node in the client's process.
     pub name: String,
-    /// A random number that it has chosen as it started: two addresses lead to one node if they tell the same. 0 if
-    /// it has none.
+    /// Random number chosen at the node's start: two addresses that report the same one lead to one node. 0
+    /// if the node has none.
     pub instance: u64,
     /// Its device.
     pub device: DeviceInfo,
 }
 
-/// Tiles to trace: a whole frame's description and one node's part of it.
+/// Tiles to trace: the description of a whole frame, and one node's part of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TraceRequest {
     /// The frame. A request for a frame and tiles may be repeated under another id.
@@ -182,7 +183,7 @@ pub struct TraceRequest {
     pub id: RequestId,
     /// A scene that the node has reported ready.
     pub scene: SceneHash,
-    /// Camera and poses, and particles, which travel as [`TraceRequest::particles`].
+    /// Camera, poses and particles; the latter travel as [`TraceRequest::particles`].
     #[serde(with = "without_particles")]
     pub update: SceneUpdate,
     /// The whole frame and its tiles.
@@ -197,20 +198,20 @@ pub struct TraceRequest {
     pub precision: PrecisionRange,
     /// Tiles of earlier requests that the client holds. The session fills them in.
     pub references: Vec<ReferenceRange>,
-    /// The update's particles on the wire. Sessions fill them in and take them out.
+    /// The encoded particles of the update. Sessions encode and decode them.
     pub particles: CodedParticles,
 }
 
-/// Particles of a request, coded.
+/// Encoded particles of a request.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CodedParticles {
-    /// The request whose particles clouds are coded against: the one before, if any cloud is.
+    /// The request against whose particles clouds are coded: the one before, if any cloud is delta-coded.
     pub reference: Option<RequestId>,
     /// The clouds, in order.
     pub clouds: Vec<CodedCloud>,
 }
 
-/// A cloud of particles, coded.
+/// Encoded cloud of particles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CodedCloud {
     /// See [`carom_tracer::ParticleCloud::material`].
@@ -223,14 +224,14 @@ pub struct CodedCloud {
     pub min: Vec3,
     /// See [`carom_tracer::ParticleCloud::max`].
     pub max: Vec3,
-    /// How many particles there are.
+    /// Number of particles.
     pub count: u32,
-    /// Their places: a byte of flags and planes, by [`crate::particle_codec`].
+    /// Their positions: a byte of flags, then planes, by [`crate::particle_codec`].
     #[serde(with = "byte_string")]
     pub places: Vec<u8>,
 }
 
-/// A range of tiles that a client has received and remembers.
+/// Range of tiles that a client has received and remembers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReferenceRange {
     /// The request that they came from.
@@ -246,7 +247,7 @@ impl TraceRequest {
     }
 }
 
-/// Format of a pixel on the wire; [`PrecisionRange`] has its precision.
+/// Format of a pixel on the wire; [`PrecisionRange`] states its precision.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum PixelFormat {
     /// Three bytes: sRGB of `clamp(exposure · L, 0, 1)`. For the screen.
@@ -280,7 +281,7 @@ pub struct TilesDone {
     pub tiles: TileRange,
     /// Microseconds of tracing and encoding that these tiles took, by the node's clock.
     pub busy_micros: u32,
-    /// Stages of the time since the request came.
+    /// Stages of the time since the request's arrival.
     pub times: NodeTimes,
     /// Samples that were not finite and count as black.
     pub dropped_samples: u32,
@@ -289,11 +290,11 @@ pub struct TilesDone {
     pub pixels: Vec<u8>,
 }
 
-/// Stages of a tile message since its request came, by the node's own clock: one after the other, in
+/// Consecutive stages of a tile message since its request arrived, by the node's own clock, in
 /// microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NodeTimes {
-    /// Until the request was begun.
+    /// From the request's arrival until it was begun.
     pub queue_micros: u32,
     /// From then until the last of the message's tiles was traced.
     pub trace_micros: u32,
@@ -332,13 +333,13 @@ pub enum RefusalReason {
     Busy,
     /// The node does not hold the scene.
     UnknownScene,
-    /// The request is out of range: a sentence.
+    /// The request is out of range; the sentence says how.
     Invalid(String),
-    /// The device failed: a sentence.
+    /// The device failed; the sentence says how.
     Device(String),
 }
 
-/// Camera and poses of an update.
+/// Serialisation of an update without its particles: camera and poses alone.
 mod without_particles {
     use carom_tracer::SceneUpdate;
     use serde::{Deserialize, Deserializer, Serialize as _, Serializer};
@@ -357,7 +358,7 @@ mod without_particles {
     }
 }
 
-/// Bytes as one copy, where serde's own `Vec<u8>` visits them one by one. Same form on the wire.
+/// Serialisation of bytes as one copy, where serde visits a `Vec<u8>` byte by byte. Same form on the wire.
 mod byte_string {
     use std::fmt;
 

@@ -1,13 +1,15 @@
-//! Codec of particles: 6 bytes each where nothing is known of them, else what has changed since the request before.
+//! Codec of particles: 6 bytes a position, or what has changed since the request before.
 //!
 //! ```text
-//! whole: place − place of the particle before, all 16 bits of x, y, z
-//! delta: a bit for each particle, whether it moved; of those that did, way − way of the last one that moved
-//!        └──▶ folded (d ↦ 2d xor d >> 15) ──▶ planes: high bytes of x, y, z, then low bytes ──▶ zstd, if that is shorter
+//! whole: position − position of the particle before, 16 bits each of x, y, z
+//! delta: a bit for each particle, whether it moved; for those that did,
+//!        displacement − displacement of the last that moved
+//!        └──▶ zigzag (d ↦ 2d xor d >> 15) ──▶ planes: high bytes of x, y, z, then low bytes
+//!             ──▶ zstd, if that is shorter
 //! ```
-//! Particles that lie side by side move alike, so the ways of neighbours differ by little. The two ends remember the
-//! particles of the last request of their connection, in the order of its control stream: no acknowledgement is
-//! waited for, and requests that ask again for the same frame cost a few bytes.
+//! Adjacent particles move alike, so the displacements of neighbours differ by little. Both ends remember the
+//! particles of the last request of their connection, in the order of its control stream: no acknowledgement
+//! is waited for, and further requests for the same frame cost a few bytes.
 
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
@@ -22,33 +24,34 @@ use crate::tile_codec::{NO_STORAGE, check_frame, undecompressed};
 
 /// Flag of a cloud whose planes are one zstd frame.
 const ZSTD: u8 = 1;
-/// Flag of a cloud that is coded against the reference's of the same index. Without planes it is the same.
+/// Flag of a cloud coded against the reference's cloud of the same index. Without planes the two are equal.
 const DELTA: u8 = 2;
-/// 30 times as fast as level 3, for a twentieth more bytes.
+/// Level 1 is 30 times as fast as level 3, for a twentieth more bytes.
 const ZSTD_LEVEL: i32 = 1;
-/// Planes may be so many times as long as their zstd frame, or so long.
+/// Maximum expansion of planes over their zstd frame, unless they have at most [`EXPANSION_FREE_BYTES`].
 const EXPANSION_MAX: usize = 16;
 const EXPANSION_FREE_BYTES: usize = 16 * 1024;
-/// Bytes of a place.
+/// Bytes of a position: three 16-bit coordinates.
 const PLACE_BYTES: usize = 6;
 
-/// The sending end of a connection.
+/// Encoder of particles at the sending end of a connection.
 #[derive(Default)]
 pub struct ParticleEncoder {
-    /// Made for the first particles: most connections have none.
+    /// Created for the first particles: most connections have none.
     zstd: Option<Compressor<'static>>,
     planes: Vec<u8>,
     last: Option<(RequestId, Vec<ParticleCloud>)>,
 }
 
 impl ParticleEncoder {
-    /// Codes the particles of the next request. Call [`ParticleEncoder::remember`] once it has been sent.
+    /// Encodes the particles of the next request. Call [`ParticleEncoder::remember`] once it has been sent.
     pub fn encode(&mut self, clouds: &[ParticleCloud]) -> CodedParticles {
+        // Taken out while the clouds are encoded, which borrows the encoder mutably.
         let last = self.last.take();
         let before = last.as_ref().map_or(&[][..], |(_, clouds)| clouds);
         let coded = clouds.iter().enumerate().map(|(index, cloud)| {
             let fits = |before: &&ParticleCloud| {
-                // Places are fractions of the box: in another box equal numbers are other places.
+                // Positions are fractions of the box: in another box equal numbers are other positions.
                 let is_same_box = before.min == cloud.min && before.max == cloud.max;
                 is_same_box && before.places.len() == cloud.places.len()
             };
@@ -65,7 +68,7 @@ impl ParticleEncoder {
         }
     }
 
-    /// Remembers what was sent last.
+    /// Stores the particles of the request that was sent last, as the next one's reference.
     pub fn remember(&mut self, request: RequestId, clouds: Vec<ParticleCloud>) {
         self.last = Some((request, clouds));
     }
@@ -93,9 +96,9 @@ impl ParticleEncoder {
         }
     }
 
-    /// The planes behind their flags, compressed if that is shorter.
+    /// The flags, then the planes, compressed if that is shorter.
     fn compress(&mut self, flags: u8) -> Vec<u8> {
-        // One byte shorter than storing: zstd fails if it gains nothing.
+        // The buffer for zstd is one byte shorter than the planes, so that zstd fails if it gains nothing.
         let mut places = vec![0; self.planes.len().max(1)];
         places[0] = flags | ZSTD;
         let new = || Compressor::new(ZSTD_LEVEL).expect("memory for a zstd context");
@@ -112,18 +115,18 @@ impl ParticleEncoder {
     }
 }
 
-/// The receiving end of a connection.
+/// Decoder of particles at the receiving end of a connection.
 #[derive(Debug, Default)]
 pub struct ParticleDecoder {
     last: Option<(RequestId, Vec<ParticleCloud>)>,
 }
 
 impl ParticleDecoder {
-    /// The particles of a request. Call [`ParticleDecoder::remember`] if it came in order.
+    /// Decodes the particles of a request. Call [`ParticleDecoder::remember`] if it came in order.
     ///
     /// # Errors
-    /// What is wrong with them: too many, or not exactly the planes of their number; a [`Reason`] of its own if
-    /// they are coded against another request than the last one. Requests have been validated.
+    /// The rule that they break: planes that do not match the number of particles, or a reference other than
+    /// the last request. The number itself has been checked by the request's validation.
     pub fn decode(&self, coded: &CodedParticles) -> Result<Vec<ParticleCloud>, Reason> {
         let before: &[ParticleCloud] = match (coded.reference, &self.last) {
             (None, _) => &[],
@@ -136,7 +139,7 @@ impl ParticleDecoder {
             .collect()
     }
 
-    /// Remembers what came last.
+    /// Stores the particles of the request that came last, as the next one's reference.
     pub fn remember(&mut self, request: RequestId, clouds: &[ParticleCloud]) {
         self.last = Some((request, clouds.to_vec()));
     }
@@ -162,6 +165,8 @@ fn decode_cloud(
         Some(None) => None,
         Some(Some(before)) if planes.is_empty() => Some(before.to_vec()),
         Some(Some(before)) => {
+            // The mask tells how many displacements follow, but is compressed with them: only bounds are
+            // known yet.
             let mask_bytes = count.div_ceil(8);
             let sizes = mask_bytes..=mask_bytes + PLACE_BYTES * count;
             places_after(before, &stored(flags, planes, &sizes)?)
@@ -194,7 +199,7 @@ fn expanded(bytes: usize) -> Reason {
     format!("its particles become {bytes} bytes of too few: store them").into()
 }
 
-/// The planes as they are stored, of one of these `sizes`.
+/// The uncompressed planes, whose length must be one of `sizes`.
 fn stored<'a>(
     flags: u8,
     planes: &'a [u8],
@@ -204,7 +209,7 @@ fn stored<'a>(
         return Ok(Cow::Borrowed(planes));
     }
     let size = check_frame(planes, sizes)?;
-    // Asked before memory is taken for it.
+    // Checked before memory is allocated for the planes.
     if !may_expand(planes.len(), size) {
         return Err(expanded(size));
     }
@@ -215,8 +220,8 @@ fn stored<'a>(
     Ok(Cow::Owned(bytes))
 }
 
-/// Whether so many bytes of zstd may become so many of planes: else a few bytes of a hostile player would cost its node's
-/// network a millisecond.
+/// Whether `compressed` bytes of zstd may expand to `size`. Without this bound a few bytes of a hostile
+/// player would occupy the network thread of a node for a millisecond.
 fn may_expand(compressed: usize, size: usize) -> bool {
     size <= EXPANSION_FREE_BYTES.max(EXPANSION_MAX * compressed)
 }
@@ -256,7 +261,7 @@ fn delta_planes(before: &[U16Vec3], places: &[U16Vec3], planes: &mut Vec<u8>) {
     push_planes(&differences, planes);
 }
 
-/// Bits of the mask behind the last particle mean nothing.
+/// Positions from a mask and planes. Mask bits behind the last particle are ignored.
 fn places_after(before: &[U16Vec3], planes: &[u8]) -> Option<Vec<U16Vec3>> {
     let (mask, planes) = planes.split_at_checked(before.len().div_ceil(8))?;
     let has_moved = |index: usize| mask[index / 8] >> (index % 8) & 1 == 1;
@@ -274,7 +279,7 @@ fn places_after(before: &[U16Vec3], planes: &[u8]) -> Option<Vec<U16Vec3>> {
     Some(places.collect())
 }
 
-/// High bytes of x, of y and of z, then the low bytes.
+/// Appends the high bytes of x, of y and of z, then the low bytes.
 fn push_planes(numbers: &[U16Vec3], planes: &mut Vec<u8>) {
     for shift in [8, 0] {
         for axis in 0..3 {
@@ -283,7 +288,7 @@ fn push_planes(numbers: &[U16Vec3], planes: &mut Vec<u8>) {
     }
 }
 
-/// `None` if there are not as many planes.
+/// The numbers in `count` entries of each plane; `None` if the planes have another length.
 fn read_planes(count: usize, planes: &[u8]) -> Option<impl Iterator<Item = U16Vec3>> {
     if planes.len() != PLACE_BYTES * count {
         return None;
@@ -293,12 +298,13 @@ fn read_planes(count: usize, planes: &[u8]) -> Option<impl Iterator<Item = U16Ve
     Some((0..count).map(move |index| U16Vec3::from([0, 1, 2].map(|axis| number(axis, index)))))
 }
 
-/// Small numbers of either sign to small ones.
+/// Zigzag code: small numbers of either sign become small unsigned ones, so that high bytes are mostly 0.
 fn fold(difference: U16Vec3) -> U16Vec3 {
     let signs: I16Vec3 = difference.as_i16vec3() >> 15i16;
     (difference << 1u16) ^ signs.as_u16vec3()
 }
 
+/// The inverse of [`fold`].
 fn unfold(folded: U16Vec3) -> U16Vec3 {
     let signs = U16Vec3::ZERO.wrapping_sub(folded & U16Vec3::ONE);
     (folded >> 1u16) ^ signs
@@ -322,7 +328,7 @@ mod tests {
         }
     }
 
-    /// Places that repeat, far apart and at both ends of the range.
+    /// Positions that repeat, that are far apart and that lie at both ends of the range.
     fn places(count: usize, seed: u32) -> Vec<U16Vec3> {
         let place = |index: usize| {
             let [x, y, z, edge] = carom_tracer::sampling::uniforms(index as u32, seed, 1, 2);
@@ -419,7 +425,7 @@ mod tests {
         assert_eq!(refused, expanded(120_000));
     }
 
-    /// Every cut and every changed byte is refused or gives particles of the stated number.
+    /// Each truncation and each changed byte is refused or decodes to particles of the stated number.
     #[test]
     fn broken_bytes_neither_panic_nor_grow() {
         let mut encoder = ParticleEncoder::default();

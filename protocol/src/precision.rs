@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Reason;
 
-/// A level between exact pixels and few bytes, the finest first. It applies to
+/// Trade-off between exact pixels and few bytes, the finest level first. It applies to
 /// [`crate::PixelFormat::Srgb8`]; linear formats are always exact.
 ///
 /// Each level takes at least a tenth fewer bytes than the one before wherever the camera moves:
@@ -17,15 +17,15 @@ pub enum PixelPrecision {
     /// Each pixel bit for bit.
     #[default]
     Exact,
-    /// Each channel within one of 255 levels, which no eye sees; seven tenths of the bytes.
+    /// Each channel within ±1 of 255, which is invisible; seven tenths of the bytes.
     Within1,
-    /// Each channel within two levels: six tenths of the bytes.
+    /// Each channel within ±2 of 255: six tenths of the bytes.
     Within2,
-    /// JPEG of quality 90 in full colour resolution: a sixth of the bytes, 47 dB.
+    /// JPEG of quality 90 with full chroma resolution: a sixth of the bytes, 47 dB.
     Lossy90,
-    /// JPEG of quality 75 in half colour resolution: a twelfth.
+    /// JPEG of quality 75 with halved chroma resolution: a twelfth.
     Lossy75,
-    /// JPEG of quality 50: blocks show. For links that carry nothing else.
+    /// JPEG of quality 50: blocks are visible. For links that carry nothing else.
     Lossy50,
 }
 
@@ -40,8 +40,8 @@ impl PixelPrecision {
         Self::Lossy50,
     ];
 
-    /// The distance between the values that are kept, of 255: `None` for JPEG.
-    /// An odd step puts each value within half of it.
+    /// The quantisation step of a channel of 0 to 255; `None` for JPEG. Rounding to the nearest multiple of
+    /// an odd step changes a value by at most (step − 1) / 2.
     pub(crate) const fn step(self) -> Option<u8> {
         match self {
             Self::Exact => Some(1),
@@ -51,7 +51,7 @@ impl PixelPrecision {
         }
     }
 
-    /// Whether it is one of JPEG's, which keep means of blocks and no pixel.
+    /// Whether it is a JPEG level, which bounds no single pixel's error.
     pub fn is_lossy(self) -> bool {
         self.step().is_none()
     }
@@ -78,7 +78,7 @@ impl PixelPrecision {
     }
 }
 
-/// `exact`, `within1`, `within2`, `lossy90`, `lossy75` or `lossy50`, for command lines.
+/// Parses `exact`, `within1`, `within2`, `lossy90`, `lossy75` or `lossy50`, for command lines.
 impl std::str::FromStr for PixelPrecision {
     type Err = Reason;
 
@@ -97,12 +97,12 @@ impl std::fmt::Display for PixelPrecision {
     }
 }
 
-/// The levels between which a node may choose, message by message, so that its link keeps up.
+/// Range of levels from which a node may choose, message by message, so that its link keeps up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct PrecisionRange {
-    /// Sent while the link carries it.
+    /// The level used while the link carries it.
     pub finest: PixelPrecision,
-    /// Sent when the link is slowest.
+    /// The level used when the link is slowest.
     pub coarsest: PixelPrecision,
 }
 
@@ -110,13 +110,13 @@ impl PrecisionRange {
     /// Exact pixels only.
     pub const EXACT: Self = Self::only(PixelPrecision::Exact);
 
-    /// Whatever the link carries.
+    /// All levels.
     pub const ANY: Self = Self {
         finest: PixelPrecision::Exact,
         coarsest: PixelPrecision::Lossy50,
     };
 
-    /// One level.
+    /// A range of one level.
     pub const fn only(precision: PixelPrecision) -> Self {
         Self {
             finest: precision,
@@ -134,10 +134,10 @@ impl PrecisionRange {
         precision.min(self.coarsest).max(self.finest)
     }
 
-    /// Checks the order of the two.
+    /// Checks that the finest level is not coarser than the coarsest.
     ///
     /// # Errors
-    /// The rule, with both.
+    /// The rule, with both levels.
     pub fn validate(self) -> Result<(), Reason> {
         if self.finest <= self.coarsest {
             return Ok(());

@@ -1,5 +1,5 @@
-//! Validation of messages beyond their form. Decoded values have passed these checks, and so have
-//! those that are sent: a peer that breaks one is not this program.
+//! Validation of messages beyond their encoding. Messages are checked after decoding and before sending,
+//! so that a peer that breaks a rule cannot be running this program.
 
 use carom_tracer::scene::validate::{CLOUDS_MAX, PARTICLES_MAX};
 use carom_tracer::text::printable;
@@ -19,8 +19,8 @@ use crate::message::{
 type Check = Result<(), Reason>;
 
 impl ToNode {
-    /// Checks all that the message alone tells; whether a scene can be drawn, and whether an
-    /// update fits its scene, is the session's to say.
+    /// Checks all that the message alone determines; the session checks whether a scene can be drawn and
+    /// whether an update fits its scene.
     ///
     /// # Errors
     /// The rule that is broken, with its values.
@@ -41,8 +41,7 @@ impl ToNode {
 }
 
 impl ToClient {
-    /// Checks all that the message alone tells; whether tiles were asked for is the session's to
-    /// say.
+    /// Checks all that the message alone determines; the session checks whether the tiles were asked for.
     ///
     /// # Errors
     /// The rule that is broken, with its values.
@@ -102,6 +101,7 @@ impl TraceRequest {
             self.references.len(),
             REFERENCE_RANGES_MAX,
         )?;
+        // Ranges must ascend without overlap: each begins at or after the end of the one before.
         let mut from = self.tiles.first;
         for ReferenceRange { request, tiles } in &self.references {
             let inside = tiles.first.checked_add(tiles.count);
@@ -121,7 +121,7 @@ impl TraceRequest {
 }
 
 impl CodedParticles {
-    /// Checks how many there are said to be: no more is decoded.
+    /// Checks the announced numbers, which bound what is decoded.
     fn validate(&self) -> Check {
         at_most("clouds of particles", self.clouds.len(), CLOUDS_MAX)?;
         let counts = self.clouds.iter().map(|cloud| cloud.count as usize);
@@ -239,7 +239,7 @@ fn sentence(sentence: &str) -> Check {
     text("sentence", sentence, SENTENCE_BYTES_MAX)
 }
 
-/// Senders filter their text by the same function.
+/// Checks a text. Senders filter theirs by the same [`printable`], which leaves a valid text as it is.
 fn text(what: &'static str, text: &str, bytes_max: usize) -> Check {
     if printable(text, bytes_max) == text {
         return Ok(());

@@ -1,7 +1,7 @@
-//! Carom's render farm as a module of Python: scenes from dictionaries or files in, NumPy arrays out.
+//! Python module of Carom's render farm: takes scenes from dictionaries or files and returns NumPy arrays.
 //!
-//! `carom.pyi` documents what Python sees. Nothing is computed here: arguments are checked and converted, and while a
-//! picture is traced other threads of Python run and Ctrl-C is heard.
+//! `carom.pyi` documents the Python API. Nothing is computed here: arguments are checked and converted, and
+//! while a picture is traced other Python threads run and Ctrl-C is handled.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -22,7 +22,7 @@ use pyo3::types::{PyDict, PyList};
 
 create_exception!(carom, FarmError, PyException);
 
-/// Wrong input is a `ValueError`, what happens to a farm a `carom.FarmError`.
+/// Converts an error: invalid input becomes a `ValueError`, any other a `carom.FarmError`.
 fn raised(error: Error) -> PyErr {
     match error.is_invalid_input() {
         true => PyValueError::new_err(error.to_string()),
@@ -129,7 +129,7 @@ impl PyScene {
     }
 }
 
-/// When in a scene file's animation; without either, the file without its animations.
+/// Time in a scene file's animation; if both fields are `None`, the file is used without its animations.
 #[derive(Default)]
 struct Moment {
     secs: Option<f64>,
@@ -137,7 +137,7 @@ struct Moment {
 }
 
 impl Moment {
-    /// An animation is given by its name or number.
+    /// The animation may be given by its name or number.
     fn new(secs: Option<f64>, animation: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let name = |animation: &Bound<'_, PyAny>| {
             if let Ok(name) = animation.extract::<String>() {
@@ -183,7 +183,7 @@ fn scene_of(source: &Bound<'_, PyAny>, moment: &Moment) -> PyResult<Scene> {
         let py = source.py();
         let options = PyDict::new(py);
         options.set_item("allow_nan", false)?;
-        // NumPy's arrays and numbers become lists and numbers.
+        // NumPy arrays and scalars are converted by their method `tolist`.
         let listed = py
             .import("operator")?
             .call_method1("methodcaller", ("tolist",))?;
@@ -199,7 +199,7 @@ fn scene_of(source: &Bound<'_, PyAny>, moment: &Moment) -> PyResult<Scene> {
     )))
 }
 
-/// The rows of an array of n times `N` numbers, of any type that NumPy converts to `kind`.
+/// The rows of an n×`N` array of any type that NumPy converts to `kind`.
 fn rows<T: Element + Copy, V: From<[T; N]>, const N: usize>(
     array: &Bound<'_, PyAny>,
     name: &str,
@@ -230,7 +230,7 @@ fn corners(array: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 3]>> {
     rows.into_iter().map(row).collect()
 }
 
-/// An array of NumPy, of the type `kind` or that which it has.
+/// A NumPy array of type `kind`, or of its own type without one.
 fn converted<'py>(array: &Bound<'py, PyAny>, kind: Option<&str>) -> PyResult<Bound<'py, PyAny>> {
     let numpy = array.py().import("numpy")?;
     numpy.call_method1("asarray", (array, kind))
@@ -239,7 +239,7 @@ fn converted<'py>(array: &Bound<'py, PyAny>, kind: Option<&str>) -> PyResult<Bou
 /// A render farm; see `carom.pyi`.
 #[pyclass(name = "Farm", module = "carom")]
 struct PyFarm {
-    /// None once it is closed. Held to begin a render, not while it goes on: threads may render side by side.
+    /// `None` once closed. Locked only to begin a render, so that threads can render concurrently.
     farm: Mutex<Option<Farm>>,
 }
 
@@ -310,10 +310,10 @@ impl PyFarm {
         let mut told = -1.0;
         let begun = Instant::now();
         while !job.is_finished() {
-            // Short renders are not kept waiting by more than a twentieth.
+            // Proportional to the elapsed time, so that short renders are delayed by at most a twentieth.
             let pause = (begun.elapsed() / 20).clamp(POLL_MIN, POLL_MAX);
             py.detach(|| std::thread::sleep(pause));
-            // Dropped, the job is cancelled.
+            // An error drops the job, which cancels it.
             py.check_signals()?;
             let fraction = job.progress().fraction();
             if let (Some(progress), true) = (&progress, fraction > told) {
@@ -373,7 +373,7 @@ fn color<'py>(py: Python<'py>, picture: &Picture) -> PyResult<Bound<'py, PyArray
     cube(py, picture, image.pixels.into_iter().flatten())
 }
 
-/// Values of three channels, row by row, as height times width times 3.
+/// An array of height × width × 3 from the values of three channels, row by row.
 fn cube<'py>(
     py: Python<'py>,
     picture: &Picture,
@@ -421,9 +421,9 @@ fn srgb<'py>(
     PyArray1::from_vec(py, bytes.collect()).reshape([height, width, 3])
 }
 
-/// What NumPy calls `f32`.
+/// NumPy's name of `f32`.
 const FLOAT: &str = "float32";
-/// How often a render looks for Ctrl-C, and tells its progress.
+/// Bounds of the period in which a render checks for Ctrl-C and reports progress.
 const POLL_MIN: Duration = Duration::from_micros(50);
 const POLL_MAX: Duration = Duration::from_millis(20);
 

@@ -1,4 +1,4 @@
-//! `carom-farm add-node` and `add-player`: a member's key and certificate in a folder.
+//! `carom-farm add-node` and `add-player`: create a member's key and certificate in a folder.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! Times of an animation that a render shows: one, or those of numbered frames.
+//! Animation times that a render traces: a single one, or those of numbered frames.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -27,7 +27,7 @@ pub(crate) struct AnimationArgs {
     animation: Option<String>,
 }
 
-/// What there is to trace, frame by frame.
+/// What a render traces: a still scene, or a file with an animation and its times.
 pub(crate) enum Frames {
     Still(Arc<Scene>),
     Animated {
@@ -54,7 +54,7 @@ impl Frames {
         })
     }
 
-    /// The numbers of the frames; one without a number if there are none.
+    /// The numbers of the frames; a single `None` if they are not numbered.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = Option<u32>> + use<> {
         let range = match self {
             Self::Animated { times, .. } => times.frames,
@@ -67,7 +67,7 @@ impl Frames {
         numbered.chain(range.is_none().then_some(None))
     }
 
-    /// The scene of a frame.
+    /// The scene of a frame, and its pose in it.
     pub(crate) fn scene(
         &mut self,
         number: Option<u32>,
@@ -90,7 +90,8 @@ impl Frames {
 }
 
 impl AnimationArgs {
-    /// The files of a frame: each run of # is its number, with as many digits at least.
+    /// The output files of a frame: each run of # in their names becomes its number, zero-padded to as many
+    /// digits.
     pub(crate) fn outputs(
         &self,
         out: &[PictureFile],

@@ -1,4 +1,4 @@
-//! The farm's authority, as the commands that need its key open it.
+//! Opening of the farm's authority by the commands that need its key.
 
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
@@ -19,7 +19,7 @@ pub(crate) struct AuthorityArgs {
     pub(crate) dir: PathBuf,
 }
 
-/// Opens the authority, and asks for the passphrase if its key is encrypted.
+/// Opens the authority, with a passphrase from the user if its key is encrypted.
 pub(crate) fn open(args: &AuthorityArgs) -> Result<AuthorityFolder, Failure> {
     match AuthorityFolder::open(&args.dir, None) {
         Err(Error::PassphraseMissing(path)) => {
@@ -30,8 +30,8 @@ pub(crate) fn open(args: &AuthorityArgs) -> Result<AuthorityFolder, Failure> {
     }
 }
 
-/// A passphrase from the environment, or from the terminal, which does not show it. It does not stay in
-/// memory that is given back.
+/// Obtains a passphrase from the environment or, without echo, from the terminal. It is wiped from memory
+/// when dropped.
 pub(crate) fn passphrase(prompt: &str) -> Result<Zeroizing<String>, Failure> {
     if let Ok(passphrase) = std::env::var("CAROM_PASSPHRASE") {
         return Ok(Zeroizing::new(passphrase));

@@ -54,10 +54,10 @@ pub(crate) struct CompareArgs {
     json: bool,
 }
 
-/// Pixels along a region's edge: few regions, so that one of them rarely differs by more than 3
-/// standard errors by chance.
+/// Edge of a region in pixels: few regions, so that one of them rarely differs by more than 3 standard errors
+/// by chance.
 const REGION_EDGE: u16 = 120;
-/// Independent pictures whose variance gives the standard error.
+/// Number of independent pictures from whose variance the standard error is estimated.
 const BATCHES: u32 = 8;
 
 #[derive(Serialize)]
@@ -72,7 +72,7 @@ struct ComparisonReport {
     flip: f64,
     /// Relative error of the picture's mean, per channel.
     bias: [f64; 3],
-    /// The largest difference of a region's mean, in standard errors; null without `--stderr`.
+    /// The largest difference of a region's mean in standard errors; null without `--stderr`.
     z_max_region: Option<f64>,
     /// CPU time of this process for the picture.
     cpu_seconds: f64,
@@ -135,8 +135,9 @@ fn read_stderr(path: &Path, reference: &RadianceImage) -> Result<RadianceImage, 
     )))
 }
 
-/// Traces independent pictures of as many samples in all, rounded up. Neighbouring pixels' errors
-/// cancel in part, which the standard error of a region does not know: z is at most what it seems.
+/// Traces independent pictures with as many samples in all, rounded up, and returns the largest |z| of a
+/// region. Errors of neighbouring pixels partly cancel, which the standard error of a region neglects, so |z|
+/// is underestimated rather than overestimated.
 fn z_max_region(
     tracer: &dyn Tracer,
     scene: &CompiledScene,

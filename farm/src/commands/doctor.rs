@@ -1,4 +1,4 @@
-//! `carom-farm doctor`: what is wrong between here and the farm, and how to mend it.
+//! `carom-farm doctor`: finds faults between this machine and the farm, with advice.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
@@ -52,7 +52,7 @@ pub(crate) fn run(args: &DoctorArgs) -> Result<(), Failure> {
     }
 }
 
-/// The checks so far, each printed as it is made.
+/// Results of the checks, each printed as it is made.
 #[derive(Default)]
 struct Findings {
     wrong: usize,
@@ -72,7 +72,7 @@ impl Findings {
         self.wrong += 1;
     }
 
-    /// Files, their permissions, and the dates of the certificates for each role that the folder has.
+    /// Checks files, their permissions, and the dates of the certificates of each role that the folder holds.
     fn check_credentials(&mut self, folder: &Path) {
         let roles = [Role::Player, Role::Node];
         let held = |role: &Role| folder.join(format!("{role}.pem")).exists();
@@ -103,7 +103,7 @@ impl Findings {
                  --renew` where the farm's authority is, if it does not renew itself"
             )),
         }
-        // A file cannot be from the future: its time was given by this clock or by a right one.
+        // A file cannot come from the future: its time was set by this clock or by a correct one.
         let written = std::fs::metadata(folder.join("ca.pem")).and_then(|file| file.modified());
         match written {
             Ok(written) if written > SystemTime::now() + CLOCK_TOLERANCE => self.wrong(
@@ -132,7 +132,7 @@ impl Findings {
         let _ = key;
     }
 
-    /// Names, UDP, and the certificates of both sides.
+    /// Checks names, UDP connectivity and the certificates of both sides.
     fn check_nodes(&mut self, config: FarmConfig, timeout: Duration) {
         let config = FarmConfig {
             local: LocalNode::None,
@@ -152,5 +152,5 @@ impl Findings {
     }
 }
 
-/// Clocks of file servers differ by as much.
+/// Tolerated difference to the clocks of file servers.
 const CLOCK_TOLERANCE: Duration = Duration::from_secs(60);

@@ -1,18 +1,18 @@
-//! The reason why a command ends early, and its exit code.
+//! Reason why a command ends early, and its exit code.
 
 use std::fmt;
 use std::process::ExitCode;
 
 use carom_tracer::text::with_causes;
 
-/// A failure; the party at fault decides the exit code.
+/// Failure of a command; the party at fault determines the exit code.
 #[derive(Debug)]
 pub(crate) enum Failure {
-    /// The arguments or files that they name are invalid: 2.
+    /// The arguments, or files named in them, are invalid: exit code 2.
     Input(String),
-    /// The machine, the network or a device failed: 1.
+    /// The machine, the network or a device failed: exit code 1.
     Run(anyhow::Error),
-    /// Ctrl-C or SIGTERM: 130, as shells have it for SIGINT.
+    /// Ctrl-C or SIGTERM: exit code 130, as of shells after SIGINT.
     Interrupted,
 }
 
@@ -49,7 +49,7 @@ impl From<carom_farm::Error> for Failure {
     fn from(error: carom_farm::Error) -> Self {
         match error.is_invalid_input() {
             true => Self::Input(error.to_string()),
-            // Its sentence holds that of its source.
+            // The message includes that of the source.
             false => Self::Run(anyhow::Error::msg(error.to_string())),
         }
     }

@@ -1,4 +1,4 @@
-//! `carom-farm init`: a new farm's authority and its first player's certificate.
+//! `carom-farm init`: creates a new farm's authority and its first player's certificate.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! Arguments that several commands share, checked before anything is opened.
+//! Inputs shared by several commands, validated before anything is opened.
 
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _, UdpSocket};
@@ -12,16 +12,16 @@ use carom_tracer::Scene;
 
 use crate::commands::Failure;
 
-/// The default scene: a copy of `assets/scenes/pool.json`, so that the package holds it.
+/// The default scene: a copy of `assets/scenes/pool.json` inside the package.
 const POOL: &str = include_str!("pool.json");
 
-/// A scene with its name in results.
+/// A scene with its name for results.
 pub(crate) struct NamedScene {
     pub(crate) name: String,
     pub(crate) scene: Scene,
 }
 
-/// Reads the scene file; without one, the built-in pool table.
+/// Reads a scene file; without a path, the built-in pool table.
 pub(crate) fn scene(path: Option<&Path>) -> Result<NamedScene, Failure> {
     let Some(path) = path else {
         let scene = Scene::from_json(POOL)?;
@@ -39,7 +39,7 @@ pub(crate) fn scene(path: Option<&Path>) -> Result<NamedScene, Failure> {
     })
 }
 
-/// Finds out whether there is a scene file.
+/// Checks that the scene file exists.
 pub(crate) fn check_scene(path: &Path) -> Result<(), Failure> {
     match path.exists() {
         true => Ok(()),
@@ -51,13 +51,13 @@ pub(crate) fn check_scene(path: &Path) -> Result<(), Failure> {
     }
 }
 
-/// A node or directory of nodes, as [`carom_farm::FarmConfig::nodes`] has them.
+/// Parses a node or directory of nodes, as in [`carom_farm::FarmConfig::nodes`].
 pub(crate) fn node(text: &str) -> Result<String, carom_farm::Error> {
     text.parse::<NodeSource>()?;
     Ok(text.to_owned())
 }
 
-/// Reads the configuration of a command that needs nodes.
+/// Reads the configuration for a command that needs nodes.
 pub(crate) fn farm_file(path: &Path) -> Result<FarmConfig, Failure> {
     let lacks = |fault: &str| {
         Failure::Input(format!(
@@ -75,18 +75,19 @@ pub(crate) fn farm_file(path: &Path) -> Result<FarmConfig, Failure> {
     }
 }
 
-/// The first address of a host and port to listen at.
+/// Resolves a host and port to listen at; the first address counts.
 pub(crate) fn listen_address(text: &str) -> Result<SocketAddr, std::io::Error> {
     let mut addresses = text.to_socket_addrs()?;
     addresses.next().ok_or_else(|| ErrorKind::NotFound.into())
 }
 
-/// What others may call this machine by: the address listened at, or if that is any, the one from
-/// which packets leave for elsewhere. In an address, thus in brackets if it is one of IPv6.
+/// The host by which others reach this machine: the address listened at or, if that is unspecified, the local
+/// address of outgoing packets. For use in an address: an IPv6 host is in brackets.
 pub(crate) fn reachable_host(listen: SocketAddr) -> String {
     let mut address = SocketAddr::new(listen.ip(), 0);
     if listen.ip().is_unspecified() {
-        // Connecting sends nothing; the address is of a block for documentation (RFC 5737).
+        // Connecting a UDP socket sends nothing but selects the local address. The target is in a block for
+        // documentation (RFC 5737).
         let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0));
         let outward = socket.and_then(|socket| {
             socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9))?;
@@ -95,10 +96,11 @@ pub(crate) fn reachable_host(listen: SocketAddr) -> String {
         address.set_ip(outward.map_or(Ipv4Addr::LOCALHOST.into(), |outward| outward.ip()));
     }
     let text = address.to_string();
+    // Formatting with a port puts an IPv6 address in brackets.
     text.trim_end_matches(":0").to_owned()
 }
 
-/// A number and a unit: s, m, h or d.
+/// Parses a duration: a number and one of the units s, m, h or d.
 pub(crate) fn duration(text: &str) -> Result<Duration, &'static str> {
     const RULE: &str = "it must be a number and s, m, h or d, at most ten years, as in 1h";
     let unit = text.chars().last().ok_or(RULE)?;
@@ -114,10 +116,10 @@ pub(crate) fn duration(text: &str) -> Result<Duration, &'static str> {
     secs.map(Duration::from_secs).ok_or(RULE)
 }
 
-/// The life of an authority.
+/// Maximum duration: the validity of an authority.
 const SECS_MAX: u64 = 10 * 365 * 24 * 3600;
 
-/// A picture file to write.
+/// A picture file to be written.
 #[derive(Clone, Debug)]
 pub(crate) struct PictureFile {
     pub(crate) path: PathBuf,

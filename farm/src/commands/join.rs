@@ -38,7 +38,7 @@ pub(crate) fn run(args: &JoinArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The first label of the host's name, with what a certificate's name may have.
+/// The first label of the host name; characters not allowed in a certificate's name become `-`.
 fn machine_name() -> String {
     let name = gethostname::gethostname();
     let name = name.to_string_lossy();

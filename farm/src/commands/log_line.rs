@@ -1,12 +1,12 @@
-//! Lines on standard output of commands that run for long.
+//! Event lines on standard output of long-running commands.
 
 use std::io::Write as _;
 
 use carom_farm::logging::{LogFormat, timestamp};
 use serde_json::json;
 
-/// Prints a line whose first word is what happened. A reader of the output that has gone away does not
-/// end the program.
+/// Prints a line whose first word names the event. Errors are ignored, so that a reader that has closed the
+/// pipe does not end the program.
 pub(crate) fn print(format: LogFormat, line: &str) {
     let _ = writeln!(std::io::stdout(), "{}", formatted(format, line));
 }

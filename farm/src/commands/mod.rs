@@ -1,4 +1,4 @@
-//! The subcommands, one file each: arguments in, calls of the library, lines out.
+//! Subcommands, one file each: they turn arguments into calls of the library and results into lines.
 
 mod add;
 mod animation_frames;

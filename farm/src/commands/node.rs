@@ -1,4 +1,4 @@
-//! `carom-farm node`: this machine's devices, served to players.
+//! `carom-farm node`: serves this machine's devices to players.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -79,6 +79,7 @@ pub(crate) struct NodeArgs {
 
 pub(crate) fn run(args: &NodeArgs, log: LogFormat) -> Result<(), Failure> {
     let credentials = Credentials::load(&args.credentials, Role::Node)?;
+    // Bound first, so that an unusable address is reported before devices are opened.
     let mut server = NodeServer::bind(args.listen, &credentials)?;
     let registry = args.registry()?;
     log_line::print(log, NodeState::Starting.word());
@@ -157,7 +158,7 @@ impl NodeArgs {
         node
     }
 
-    /// The cache of scenes' chunks; a node that cannot have one works without.
+    /// The cache of scenes' chunks; without a usable folder the node works without one.
     fn asset_cache(&self) -> Option<AssetCache> {
         let bytes = self.asset_cache_size << 20;
         let folder = self.asset_cache.clone();
@@ -193,7 +194,7 @@ impl NodeArgs {
     }
 }
 
-/// What happens to a node, in figures and lines.
+/// Recorder of a node's events, in counters and lines.
 struct NodeEvents {
     counters: Arc<NodeCounters>,
     log: LogFormat,
@@ -220,7 +221,7 @@ impl NodeEvents {
     }
 }
 
-/// Prints what a person needs to use this node.
+/// Prints a box with what a person needs to use this node.
 fn print_box(credentials: &Credentials, local: SocketAddr) -> Result<(), Failure> {
     let address = format!("{}:{}", inputs::reachable_host(local), local.port());
     let lines = [
@@ -240,14 +241,14 @@ fn print_box(credentials: &Credentials, local: SocketAddr) -> Result<(), Failure
     Ok(())
 }
 
-/// A player's session that prints its changes of state. A player that has requested a picture
-/// counts as rendering until it leaves or sends another scene: at 60 pictures a second, lines for
-/// the pauses between them would be noise.
+/// Session of a player that prints its changes of state. A player that has requested a picture counts as
+/// rendering until it leaves or sends another scene: lines for the pauses between 60 pictures a second would
+/// be noise.
 struct LoggedConnection {
     node: Arc<Node>,
     events: Arc<NodeEvents>,
     connection: NodeConnection,
-    /// The device's name, which changes when a device fails or recovers.
+    /// Name of the device, which changes when a device fails or recovers.
     device: String,
     player: SocketAddr,
     state: NodeState,
@@ -266,7 +267,7 @@ impl LoggedConnection {
         }
     }
 
-    /// Prints the state if it is new.
+    /// Sets the state, and prints it if it has changed.
     fn set_state(&mut self, state: NodeState) {
         if self.state != state {
             log_line::print(self.events.log, &format!("{state} for {}", self.player));

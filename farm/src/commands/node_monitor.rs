@@ -1,4 +1,5 @@
-//! A node's figures over time: a line a minute, the exit when idle, its entry in a directory.
+//! Monitor of a node: prints its figures each minute, ends it when idle, and keeps its directory entry up to
+//! date.
 
 use std::sync::Arc;
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -13,26 +14,26 @@ use carom_farm::net::StopHandle;
 
 use crate::commands::{Failure, log_line};
 
-/// What a node's monitor looks after.
+/// Configuration and state of a node's monitor.
 pub(crate) struct NodeMonitor {
     pub(crate) counters: Arc<NodeCounters>,
     pub(crate) stop: StopHandle,
-    /// Without work for this long the node ends.
+    /// Time without work after which the node ends.
     pub(crate) idle_exit: Option<Duration>,
     pub(crate) registry: Option<Box<dyn Registry>>,
-    /// What does not change of it.
+    /// The record of the node; its variable fields are updated with each registration.
     pub(crate) record: NodeRecord,
     pub(crate) log: LogFormat,
 }
 
-/// The monitor's thread.
+/// Handle of the monitor's thread.
 pub(crate) struct RunningMonitor {
     wake: mpsc::Sender<()>,
     thread: JoinHandle<()>,
 }
 
 impl RunningMonitor {
-    /// Tells the directory that the node is about to end, without waiting.
+    /// Wakes the monitor, so that it tells the directory that the node is about to end; does not block.
     pub(crate) fn draining(wake: &mpsc::Sender<()>) {
         let _ = wake.send(()); // it has ended by itself
     }
@@ -41,7 +42,7 @@ impl RunningMonitor {
         self.wake.clone()
     }
 
-    /// Takes the node out of the directory.
+    /// Ends the thread, which removes the node from the directory.
     pub(crate) fn end(self) {
         drop(self.wake);
         let _ = self.thread.join(); // a panic has been reported where it happened
@@ -81,6 +82,7 @@ impl NodeMonitor {
                 self.stop.stop();
                 self.idle_exit = None;
             }
+            // The beginning of draining is registered at once.
             if now >= registration || figures.draining != self.record.draining {
                 registration = now + self.register(&record, &figures, &mut reported);
                 record = Window {
@@ -100,7 +102,7 @@ impl NodeMonitor {
         }
     }
 
-    /// Writes the record and returns the pause until the next one.
+    /// Registers the record and returns the pause until the next registration.
     fn register(
         &mut self,
         window: &Window,
@@ -118,7 +120,7 @@ impl NodeMonitor {
         }
         match registry.register(record) {
             Ok(()) => *reported = false,
-            // Players that are here stay; the same fault is said once.
+            // Current players are not affected; the same fault is logged once.
             Err(why) if !*reported => {
                 *reported = true;
                 tracing::warn!("{why}; this is tried again");
@@ -128,7 +130,7 @@ impl NodeMonitor {
         registry.period()
     }
 
-    /// Nothing is said of a minute in which nobody came.
+    /// Prints the figures of a period, unless there were no players and no traffic in it.
     fn print_line(&self, before: &NodeFigures, now: &NodeFigures, period: Duration) {
         if now.players == 0 && now.sent_bytes == before.sent_bytes {
             return;
@@ -149,7 +151,7 @@ impl NodeMonitor {
     }
 }
 
-/// A time that figures are counted over.
+/// Interval over which figures are counted.
 struct Window {
     begun: Instant,
     before: NodeFigures,
@@ -163,5 +165,5 @@ impl Window {
 }
 
 const LINE_PERIOD: Duration = Duration::from_secs(60);
-/// How often figures are looked at.
+/// Period in which the figures are evaluated.
 const LOOK_PERIOD: Duration = Duration::from_secs(1);

@@ -1,4 +1,4 @@
-//! Picture file of a render, which is claimed before anything is traced.
+//! Picture file of a render, which is claimed before tracing begins.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -9,7 +9,7 @@ use carom_farm::{FileFormat, Picture, WholeFile};
 use crate::commands::Failure;
 use crate::commands::inputs::PictureFile;
 
-/// A claim on a picture file: no other render writes it, nor its checkpoint, until this is dropped.
+/// Claim on a picture file: no other render writes it or its checkpoint until this is dropped.
 pub(crate) struct OutputFile {
     file: WholeFile,
     format: FileFormat,
@@ -19,7 +19,7 @@ impl OutputFile {
     /// Claims the file.
     ///
     /// # Errors
-    /// [`Failure::Input`] if the folder cannot be written or another render has the file.
+    /// [`Failure::Input`] if the folder is not writable or another render has claimed the file.
     pub(crate) fn claim(picture: &PictureFile) -> Result<Self, Failure> {
         let path = picture.path.display();
         let file = WholeFile::claim(&picture.path).map_err(|why| match why.kind() {
@@ -44,10 +44,10 @@ impl OutputFile {
         self.format
     }
 
-    /// Writes the picture, with its layers if the format has some.
+    /// Writes the picture, with its layers if the format supports them.
     ///
     /// # Errors
-    /// [`Failure::Run`] if it cannot be written.
+    /// [`Failure::Run`] if writing fails.
     pub(crate) fn write(mut self, picture: &Picture) -> Result<(), Failure> {
         let path = self.file.path().display().to_string();
         let written = picture.encode(self.format, &mut self.file);

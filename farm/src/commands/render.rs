@@ -1,4 +1,4 @@
-//! `carom-farm render`: a picture, or the frames of an animation, traced by the whole farm without the game.
+//! `carom-farm render`: a picture, or the frames of an animation, traced by the whole farm.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -99,7 +99,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     let config = config(args)?;
     let mut numbers = frames.numbers();
     let mut number = numbers.next().flatten();
-    // What is wrong with the first files is known before the farm starts.
+    // Claimed first, so that faults of the first files are reported before the farm starts.
     let mut outputs = claim(args, number)?;
     let mut farm = Farm::new(config)?;
     let interrupted = net::interruption().context("Ctrl-C")?;
@@ -118,13 +118,13 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     }
 }
 
-/// A scene as it is seen in a frame.
+/// A scene and its update for one frame.
 struct FrameScene<'a> {
     scene: &'a Scene,
     update: SceneUpdate,
 }
 
-/// The files of a frame.
+/// Claims the output files of a frame.
 fn claim(args: &RenderArgs, number: Option<u32>) -> Result<Vec<OutputFile>, Failure> {
     let files = args.animation.outputs(&args.out, number)?;
     files.iter().map(OutputFile::claim).collect()
@@ -148,7 +148,7 @@ fn render(
             picture.dropped_samples()
         );
     }
-    // Where it fails, the room that the files took is free again.
+    // On failure, dropping the outputs frees their disk space for the rescued checkpoint.
     let mut outputs = outputs.into_iter();
     if let Err(why) = outputs.try_for_each(|out| out.write(&picture)) {
         drop(outputs);
@@ -172,7 +172,7 @@ fn render(
     Ok(())
 }
 
-/// Traces a picture, and says what it has cost.
+/// Traces a picture and summarises its cost.
 fn trace(
     args: &RenderArgs,
     farm: &mut Farm,
@@ -207,7 +207,7 @@ fn trace(
     }
 }
 
-/// Waits for the picture, with a progress bar.
+/// Waits for the picture, showing a progress bar.
 fn wait(
     farm: &Farm,
     job: StillJob,
@@ -233,7 +233,7 @@ fn wait(
     Ok(picture)
 }
 
-/// How much of a long scene the nodes have that are sent it, as the end of a line.
+/// The progress of nodes that are being sent a long scene, to be appended to a line.
 fn sending(nodes: &[NodeStatus]) -> String {
     let sentences = nodes.iter().filter_map(|node| match &node.state {
         NodeState::Syncing { of: 1.., .. } => {
@@ -244,7 +244,7 @@ fn sending(nodes: &[NodeStatus]) -> String {
     sentences.collect()
 }
 
-/// Where a render that is interrupted is kept: beside its first file.
+/// The checkpoint file of a render, beside its first output.
 fn checkpoint_path(out: &Path) -> PathBuf {
     let mut path = out.as_os_str().to_owned();
     path.push(".checkpoint");
@@ -252,7 +252,7 @@ fn checkpoint_path(out: &Path) -> PathBuf {
 }
 
 impl RenderArgs {
-    /// The arguments with the preset's values.
+    /// The arguments with a preset, if there is one, replaced by its values.
     fn with_preset(&self) -> Self {
         let args = self.clone();
         let Some(preset) = self.preset else {
@@ -303,7 +303,7 @@ fn config(args: &RenderArgs) -> Result<FarmConfig, Failure> {
     Ok(config)
 }
 
-/// On standard error, and only if that is a terminal.
+/// A progress bar, drawn on standard error if that is a terminal.
 fn progress_bar(spp: u32) -> ProgressBar {
     let style = ProgressStyle::with_template(
         "{elapsed_precise} [{bar:40}] {pos}/{len} samples per pixel, {eta} left{msg}",
@@ -312,5 +312,5 @@ fn progress_bar(spp: u32) -> ProgressBar {
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// How often the progress bar and Ctrl-C are looked after.
+/// Period of updating the progress bar and of checking for Ctrl-C.
 const REFRESH_INTERVAL: Duration = Duration::from_millis(50);

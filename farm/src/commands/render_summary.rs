@@ -1,4 +1,4 @@
-//! Summary of a render: time, nodes, shares, bytes.
+//! Summary of a render: time, nodes, shares and bytes.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -6,7 +6,7 @@ use std::time::Duration;
 use carom_farm::{FrameStats, NodeInfo, NodeStatus, StillProgress};
 use serde::Serialize;
 
-/// What the frames of a render have cost, counted while they come.
+/// Accumulated costs of a render's frames, counted as they arrive.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FrameTotals(Arc<Mutex<Totals>>);
 
@@ -20,20 +20,20 @@ struct Totals {
 
 #[derive(Clone, Debug, Default)]
 struct NodeTotals {
-    /// What it last said of itself: a node that is lost says nothing any more.
+    /// The last known description: a lost node reports none.
     info: Option<NodeInfo>,
     tiles: u64,
-    /// Frames that it took part in, and the sum of its response times.
+    /// Number of frames it took part in, and the sum of its response times in them.
     frames: u32,
     response_secs: f64,
 }
 
-/// A finished render.
+/// Summary of a finished render.
 #[derive(Debug, Serialize)]
 pub(crate) struct RenderSummary {
     secs: f64,
     payload_bytes: u64,
-    /// Asked for again because a node was late or lost; of those, lost.
+    /// Tiles requested again because a node was late or lost; of those, the lost ones.
     reissued_tiles: u64,
     lost_tiles: u64,
     nodes: Vec<NodeShare>,
@@ -45,14 +45,14 @@ struct NodeShare {
     name: String,
     device: String,
     tiles: u64,
-    /// Of all tiles, 0 to 1.
+    /// Share of all tiles, 0 to 1.
     share: f64,
-    /// From a frame's submission to the node's last tile of it, on average.
+    /// Mean time from a frame's submission to the node's last tile of it.
     response_ms: f64,
 }
 
 impl FrameTotals {
-    /// Counts the frame that has just come, if one has.
+    /// Counts the frame that has just arrived, if one has.
     pub(crate) fn count(&self, progress: &StillProgress) {
         if let Some(frame) = &progress.frame {
             let mut totals = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -60,7 +60,7 @@ impl FrameTotals {
         }
     }
 
-    /// Remembers what the farm's nodes say of themselves.
+    /// Stores the descriptions of the farm's nodes.
     pub(crate) fn observe(&self, nodes: &[NodeStatus]) {
         let mut totals = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         totals.resize(nodes.len());
@@ -112,7 +112,7 @@ impl Totals {
         }
     }
 
-    /// Makes room for so many nodes.
+    /// Extends the list to at least so many nodes.
     fn resize(&mut self, nodes: usize) {
         let count = nodes.max(self.nodes.len());
         self.nodes.resize_with(count, NodeTotals::default);
@@ -120,7 +120,7 @@ impl Totals {
 }
 
 impl RenderSummary {
-    /// Lines for a person.
+    /// The summary as text for a person.
     pub(crate) fn lines(&self) -> String {
         let count = self.nodes.len();
         let megabytes = 1e-6 * self.payload_bytes as f64;

@@ -1,4 +1,4 @@
-//! `carom-farm revoke`: trust taken back.
+//! `carom-farm revoke`: revokes the certificates of a node or player.
 
 use carom_farm::net;
 

@@ -1,4 +1,4 @@
-//! `carom-farm status`: the state of each node of a farm.
+//! `carom-farm status`: prints the state of each node of a farm.
 
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
@@ -49,9 +49,9 @@ struct NodeRow {
     name: Option<String>,
     device: Option<String>,
     round_trip_ms: Option<f64>,
-    /// Others that the node has traced for within a second, or that wait.
+    /// Number of other players that the node has traced for within the last second, or that wait.
     other_players: Option<u16>,
-    /// What they had of that second.
+    /// Share of that second that they occupied, in percent.
     busy_percent: Option<u8>,
     protocol: Option<u16>,
 }
@@ -86,7 +86,7 @@ fn print_all(args: &StatusArgs, nodes: &[NodeStatus], timeout: Duration) -> Resu
     Ok(())
 }
 
-/// Prints the nodes each second: over each other on a terminal, one after the other elsewhere.
+/// Prints the nodes each second, in place on a terminal and successively elsewhere.
 fn watch(args: &StatusArgs, farm: &Farm, timeout: Duration) -> Result<(), Failure> {
     let interrupted = net::interruption().context("Ctrl-C")?;
     let mut looked = Instant::now();
@@ -125,7 +125,7 @@ fn config(args: &StatusArgs) -> Result<FarmConfig, Failure> {
     })
 }
 
-/// The nodes once each has answered or is lost, after `timeout` at the latest.
+/// Waits until each node has answered or is lost, at most for `timeout`, and returns them.
 pub(crate) fn wait(farm: &Farm, timeout: Duration) -> Vec<NodeStatus> {
     let deadline = Instant::now() + timeout;
     loop {
@@ -133,7 +133,7 @@ pub(crate) fn wait(farm: &Farm, timeout: Duration) -> Vec<NodeStatus> {
         let settled = |node: &NodeStatus| {
             node.round_trip.is_some() || matches!(node.state, NodeState::Lost { .. })
         };
-        // A directory that has not answered yet lists nobody.
+        // An empty list means that no directory has answered yet.
         let settled = !nodes.is_empty() && nodes.iter().all(settled);
         if settled || Instant::now() >= deadline {
             return nodes;
@@ -142,7 +142,7 @@ pub(crate) fn wait(farm: &Farm, timeout: Duration) -> Vec<NodeStatus> {
     }
 }
 
-/// The node's state after `timeout`, with what to check if it has not answered.
+/// The node's state after `timeout` as a sentence, with advice if it has not answered.
 pub(crate) fn sentence(node: &NodeStatus, timeout: Duration) -> String {
     match node.state {
         NodeState::Paired if node.load.players > 0 => {
@@ -170,7 +170,7 @@ fn row(node: &NodeStatus, timeout: Duration) -> NodeRow {
         round_trip_ms: node.round_trip.map(|trip| 1e3 * trip.as_secs_f64()),
         other_players: info.map(|_| node.load.players),
         busy_percent: info.map(|_| node.load.busy_percent),
-        // A node of another version sends no greeting.
+        // A node of another version fails the handshake of sessions and has no description.
         protocol: info.map(|_| carom_protocol::message::VERSION),
     }
 }
@@ -196,7 +196,7 @@ fn print(row: &NodeRow) {
     println!();
 }
 
-/// How often a watch prints.
+/// Period of printing with `--watch`.
 const WATCH_PERIOD: Duration = Duration::from_secs(1);
-/// The interval between two looks at the nodes.
+/// Period of polling the nodes.
 const POLL: Duration = Duration::from_millis(20);

@@ -1,4 +1,4 @@
-//! Domain name with an address per node, such as that of a headless Service of Kubernetes.
+//! Directory of a domain name with an address per node, such as that of a headless Service of Kubernetes.
 
 use std::net::ToSocketAddrs as _;
 use std::time::Duration;
@@ -7,14 +7,14 @@ use super::{Directory, ListedNode};
 use crate::Error;
 use crate::net::NodeAddress;
 
-/// A name of which each address is a node.
+/// Directory of a domain name, each of whose addresses is a node.
 #[derive(Clone, Debug)]
 pub struct DnsDirectory {
     name: NodeAddress,
 }
 
 impl DnsDirectory {
-    /// Nodes at all addresses of the name, each at its port.
+    /// The nodes at all addresses of the name, at its port.
     pub const fn new(name: NodeAddress) -> Self {
         Self { name }
     }
@@ -33,7 +33,7 @@ impl Directory for DnsDirectory {
     }
 }
 
-/// Kubernetes' own name server lets answers live for five seconds.
+/// Period of queries, since Kubernetes' own name server gives answers a lifetime of five seconds.
 const PERIOD: Duration = Duration::from_secs(5);
 
 #[cfg(test)]
@@ -56,7 +56,7 @@ mod tests {
 
     #[test]
     fn a_name_of_nobody_is_an_error_and_not_an_empty_list() {
-        // RFC 6761: no name under `invalid` is ever given to anybody.
+        // RFC 6761: names under `invalid` are guaranteed not to exist.
         let why = list("nobody.invalid:4433").unwrap_err().to_string();
         assert!(why.starts_with("dns:nobody.invalid:4433: "), "{why}");
     }

@@ -1,4 +1,4 @@
-//! File with a node per line, read again while the farm runs.
+//! Directory in a file with a node per line, which is reread while the farm runs.
 
 use std::fmt::Display;
 use std::path::PathBuf;
@@ -11,14 +11,14 @@ use super::{Directory, ListedNode};
 use crate::Error;
 use crate::whole_file::read_limited;
 
-/// A file of `host:port` lines; empty ones and what follows a `#` are left out.
+/// Directory in a file of `host:port` lines; empty lines and text after a `#` are ignored.
 #[derive(Clone, Debug)]
 pub struct FileDirectory {
     path: PathBuf,
 }
 
 impl FileDirectory {
-    /// The nodes of a file, which need not exist yet.
+    /// The nodes in a file, which need not exist yet.
     pub const fn new(path: PathBuf) -> Self {
         Self { path }
     }
@@ -29,7 +29,7 @@ impl FileDirectory {
 }
 
 impl Directory for FileDirectory {
-    /// All lines or none: a file that is being written may end in half an address.
+    /// All lines or none, since a file that is being written may end within an address.
     fn nodes(&mut self) -> Result<Vec<ListedNode>, Error> {
         let text = read_limited(&self.path, DIRECTORY_FILE_BYTES_MAX);
         let text = text.map_err(|why| self.fault(why))?;
@@ -53,9 +53,9 @@ impl Directory for FileDirectory {
     }
 }
 
-/// Reading a short file takes some microseconds; a second is soon enough for a person.
+/// Period of reads: a short file takes some microseconds, and a second is soon enough for a person.
 const PERIOD: Duration = Duration::from_secs(1);
-/// Bytes of a wrong line's fault that a message repeats.
+/// Maximum bytes of a wrong line's fault in an error.
 const REASON_BYTES_MAX: usize = 200;
 
 #[cfg(test)]

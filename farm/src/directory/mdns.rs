@@ -1,4 +1,4 @@
-//! Nodes on a local network, which announce themselves by multicast DNS (RFC 6762, RFC 6763).
+//! Directory of nodes on the local network, which announce themselves by multicast DNS (RFC 6762, RFC 6763).
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -10,14 +10,14 @@ use mdns_sd::{Receiver, ServiceDaemon, ServiceEvent, ServiceInfo};
 use super::{Directory, ListedNode, NodeRecord, Registry};
 use crate::Error;
 
-/// The nodes that announce themselves.
+/// Directory of the nodes that announce themselves.
 pub struct MdnsDirectory {
     daemon: ServiceDaemon,
     events: Receiver<ServiceEvent>,
     found: BTreeMap<String, ListedNode>,
 }
 
-/// A node's own announcement.
+/// Registry by which a node announces itself.
 pub struct MdnsRegistry {
     daemon: ServiceDaemon,
     name: Option<String>,
@@ -28,10 +28,10 @@ fn fault(why: impl std::fmt::Display) -> Error {
 }
 
 impl MdnsDirectory {
-    /// Asks on all networks of this machine from now on.
+    /// Begins to query all networks of this machine.
     ///
     /// # Errors
-    /// [`Error::Directory`] if the system has no socket for it.
+    /// [`Error::Directory`] if the system provides no socket for it.
     pub fn new() -> Result<Self, Error> {
         Self::of(ServiceDaemon::new().map_err(fault)?)
     }
@@ -51,7 +51,7 @@ impl Directory for MdnsDirectory {
         for event in self.events.try_iter() {
             match event {
                 ServiceEvent::ServiceResolved(node) if self.found.len() < NODE_RECORDS_MAX => {
-                    // IPv4 first: a link-local IPv6 address is of no use without its interface.
+                    // IPv4 addresses sort first: a link-local IPv6 address is useless without its interface.
                     let mut addresses: Vec<_> = node
                         .addresses
                         .iter()
@@ -84,10 +84,10 @@ impl Drop for MdnsDirectory {
 }
 
 impl MdnsRegistry {
-    /// Announces nothing yet.
+    /// A registry without an announcement yet.
     ///
     /// # Errors
-    /// [`Error::Directory`] if the system has no socket for it.
+    /// [`Error::Directory`] if the system provides no socket for it.
     pub fn new() -> Result<Self, Error> {
         Ok(Self::of(ServiceDaemon::new().map_err(fault)?))
     }
@@ -108,6 +108,7 @@ impl Registry for MdnsRegistry {
         let (host, port) = record.address.rsplit_once(':').unwrap_or_default();
         let port: u16 = port.parse().map_err(fault)?;
         let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+        // Derived from the address, the instance name is unique in the network.
         let name: String = record.address.chars().map(plain).collect();
         let host_name = format!("{name}.local.");
         let host = host.trim_matches(['[', ']']);
@@ -133,9 +134,9 @@ impl Registry for MdnsRegistry {
 }
 
 const SERVICE: &str = "_carom._udp.local.";
-/// How often events are looked at.
+/// Period of evaluating received events.
 const PERIOD: Duration = Duration::from_secs(1);
-/// How long a goodbye may take.
+/// Maximum time of sending a goodbye.
 const GOODBYE: Duration = Duration::from_millis(500);
 
 #[cfg(test)]
@@ -144,7 +145,7 @@ mod tests {
 
     use super::*;
 
-    /// On the loopback interface alone, and on a port of its own.
+    /// A daemon on the loopback interface alone, and on a port of its own.
     fn daemon() -> ServiceDaemon {
         let daemon = ServiceDaemon::new_with_port(45_353).unwrap();
         daemon.disable_interface(IfKind::All).unwrap();

@@ -1,12 +1,12 @@
-//! Directories: who is there. Sources of nodes that are asked again while a farm runs.
+//! Directories: sources of a farm's nodes, which are queried again and again while a farm runs.
 //!
 //! ```text
 //! Directory (a thread each) ──Vec<ListedNode>──▶ Roster ──▶ nodes to call, nodes that have left
 //! ```
 //!
-//! A directory says where nodes are, never who they are: whatever it lists has to show a certificate
-//! of the farm. When it fails the farm keeps the nodes that it has, and a node that is no longer
-//! listed is kept until its connection ends: answers of directories may be partial, or lost.
+//! A directory states where nodes are, never who they are: each listed node has to present a certificate of
+//! the farm. If a directory fails, the farm keeps the nodes that it has; a node that is no longer listed is
+//! kept until its connection ends, since answers of directories may be incomplete or get lost.
 
 mod dns;
 mod file;
@@ -34,65 +34,65 @@ pub use source::NodeSource;
 use crate::Error;
 use crate::net::NodeAddress;
 
-/// A source of nodes, asked again and again on a thread of its own.
+/// A source of nodes, queried periodically on a thread of its own.
 pub trait Directory: Send {
-    /// The nodes that are there now; may wait for some seconds.
+    /// The nodes at present; may block for some seconds.
     ///
     /// # Errors
-    /// Why there is no answer; the farm goes on with the nodes of the last one.
+    /// The reason why there is no answer; the farm goes on with the nodes of the last one.
     fn nodes(&mut self) -> Result<Vec<ListedNode>, Error>;
 
-    /// The pause after an answer, or an error, before it is asked again.
+    /// The pause between an answer, or an error, and the next query.
     fn period(&self) -> Duration;
 }
 
 /// A directory in which a node registers itself.
 pub trait Registry: Send {
-    /// Writes a record, in place of the one before; may wait for some seconds.
+    /// Writes a record, replacing the one before; may block for some seconds.
     ///
     /// # Errors
-    /// Why it could not; the node goes on and tries again.
+    /// The reason why it could not be written; the node goes on and tries again.
     fn register(&mut self, record: &NodeRecord) -> Result<(), Error>;
 
-    /// Takes the record back.
+    /// Removes the record.
     ///
     /// # Errors
-    /// Why it could not; it is forgotten by and by.
+    /// The reason why it could not be removed; it expires eventually.
     fn leave(&mut self, record: &NodeRecord) -> Result<(), Error>;
 
-    /// The pause until a record has to be written again.
+    /// The period in which a record has to be written again.
     fn period(&self) -> Duration;
 }
 
 /// A node as a directory lists it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ListedNode {
-    /// Where it can be called.
+    /// The address at which it accepts connections.
     pub address: NodeAddress,
-    /// What it has said of itself, if the directory keeps that.
+    /// What it has registered about itself, if the directory stores that.
     pub record: Option<NodeRecord>,
 }
 
-/// What a node registers about itself. It is a hint to people, and no proof of anything.
+/// What a node registers about itself. It informs people, and proves nothing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct NodeRecord {
-    /// `host:port`.
+    /// The node's address as `host:port`.
     pub address: String,
-    /// That of its farm's authority.
+    /// The fingerprint of its farm's authority.
     pub fingerprint: String,
-    /// Its device.
+    /// The name of its device.
     pub device: String,
-    /// Speed while it traced last, in millions of pixel samples per second; 0 before.
+    /// Speed when it last traced, in millions of pixel samples per second; 0 before.
     pub msamples_per_sec: f64,
-    /// Share of the last period that its device was busy, 0 to 1.
+    /// Share of the last period in which its device was busy, 0 to 1.
     pub load: f64,
-    /// Whether it is about to end, and is not to be called any more.
+    /// Whether it is about to end and should get no more connections.
     pub draining: bool,
 }
 
 impl ListedNode {
-    /// A node of which nothing but the address is known.
+    /// A node of which only the address is known.
     pub const fn at(address: NodeAddress) -> Self {
         Self {
             address,
@@ -105,7 +105,7 @@ impl ListedNode {
     }
 }
 
-/// A list that never changes.
+/// A constant list.
 impl Directory for Vec<NodeAddress> {
     fn nodes(&mut self) -> Result<Vec<ListedNode>, Error> {
         Ok(self.iter().cloned().map(ListedNode::at).collect())

@@ -1,7 +1,7 @@
-//! Bucket of a NATS server (JetStream key-value store), in which nodes register themselves.
+//! Directory in a bucket of a NATS server (JetStream key-value store), in which nodes register themselves.
 //!
-//! A node writes its record every [`REGISTRATION_PERIOD`]; one that has not for [`LIFETIME`] is gone.
-//! Ages are counted from a record's arrival here: no clocks are compared.
+//! A node writes its record every [`REGISTRATION_PERIOD`]; a node whose record is older than [`LIFETIME`] has
+//! gone. Ages are counted from a record's arrival here, so that no clocks are compared.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -23,14 +23,15 @@ use crate::Error;
 use crate::lock::lock;
 use crate::net::runtime;
 
-/// `nats://host:port/bucket`, or `tls://` likewise; before the host `user:password@` or `token@`.
+/// Address of a bucket: `nats://host:port/bucket`, or with `tls://`; before the host may be `user:password@`
+/// or `token@`.
 #[derive(Clone, PartialEq, Eq)]
 pub struct NatsBucket {
     server: String,
     bucket: String,
 }
 
-/// Without what may be a password.
+/// Writes the address without user, password or token.
 impl fmt::Display for NatsBucket {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (scheme, rest) = self.server.split_once("://").unwrap_or_default();
@@ -79,8 +80,8 @@ impl NatsBucket {
         let client = options.connect(&self.server).await;
         let client = client.map_err(|why| self.fault(why))?;
         let context = jetstream::new(client.clone());
-        // Whoever comes first makes it; of another kind it is taken as it is. Not by `create_key_value`, which
-        // asks for more than servers before 2.10 answer.
+        // The first to arrive creates it; one with other settings is used as it is. Not by
+        // `create_key_value`, whose request servers before 2.10 do not answer.
         let made = context.get_or_create_stream(self.stream()).await;
         made.map_err(|why| self.fault(why))?;
         let store = context.get_key_value(&self.bucket).await;
@@ -90,7 +91,7 @@ impl NatsBucket {
 }
 
 impl NatsBucket {
-    /// The bucket as a stream (ADR-8 of NATS): the last value of each key, for [`LIFETIME`], in memory.
+    /// The bucket as a stream (ADR-8 of NATS): the last value of each key for [`LIFETIME`], in memory.
     fn stream(&self) -> stream::Config {
         stream::Config {
             name: format!("KV_{}", self.bucket),
@@ -110,7 +111,7 @@ impl NatsBucket {
     }
 }
 
-/// A thread for a connection to a server.
+/// A runtime with a thread for the connection to a server.
 fn runtime(bucket: &NatsBucket) -> Result<Runtime, Error> {
     runtime::own_thread("carom-nats").map_err(|why| bucket.fault(why))
 }
@@ -123,28 +124,28 @@ async fn in_time<T>(
     answer.unwrap_or_else(|_| Err(bucket.fault("no answer")))
 }
 
-/// The nodes of a bucket.
+/// Directory of the nodes in a bucket.
 pub struct NatsDirectory {
     bucket: NatsBucket,
     runtime: Runtime,
     watch: Option<BucketWatch>,
 }
 
-/// A watch of a bucket over one connection.
+/// Watch of a bucket over one connection.
 struct BucketWatch {
     client: Client,
     task: JoinHandle<()>,
     records: Arc<Mutex<Records>>,
 }
 
-/// The newest record of each key, and when it came.
+/// The newest record of each key, with the time of its arrival.
 type Records = BTreeMap<String, (NodeRecord, Instant)>;
 
 impl NatsDirectory {
-    /// Connects when it is asked.
+    /// A directory that connects at the first query.
     ///
     /// # Errors
-    /// [`Error::Directory`] if the system has no threads left.
+    /// [`Error::Directory`] if the system can start no thread.
     pub fn new(bucket: NatsBucket) -> Result<Self, Error> {
         Ok(Self {
             runtime: runtime(&bucket)?,
@@ -164,7 +165,7 @@ impl NatsDirectory {
                 take(&mut lock(&heard), &entry);
             }
         });
-        // The records that are there come at once.
+        // The existing records arrive at once.
         tokio::time::sleep(SNAPSHOT_TIME).await;
         Ok(BucketWatch {
             client,
@@ -174,7 +175,8 @@ impl NatsDirectory {
     }
 }
 
-/// Records come from whoever may write to the bucket: too many or malformed ones are left out.
+/// Applies an entry. Anyone with access to the bucket can write records: malformed and too many ones are
+/// ignored.
 fn take(records: &mut Records, entry: &Entry) {
     if entry.operation != Operation::Put {
         records.remove(&entry.key);
@@ -195,6 +197,7 @@ fn take(records: &mut Records, entry: &Entry) {
 impl Directory for NatsDirectory {
     fn nodes(&mut self) -> Result<Vec<ListedNode>, Error> {
         let bucket = &self.bucket;
+        // Put back only if it works; otherwise the next query connects anew.
         let watch = match self.watch.take() {
             Some(watch) if watch.task.is_finished() => {
                 return Err(bucket.fault("the bucket is gone"));
@@ -228,7 +231,7 @@ impl Directory for NatsDirectory {
     }
 }
 
-/// A node's own entry in a bucket.
+/// Registry of a node's own entry in a bucket.
 pub struct NatsRegistry {
     bucket: NatsBucket,
     runtime: Runtime,
@@ -236,10 +239,10 @@ pub struct NatsRegistry {
 }
 
 impl NatsRegistry {
-    /// Connects with the first record.
+    /// A registry that connects with the first record.
     ///
     /// # Errors
-    /// [`Error::Directory`] if the system has no threads left.
+    /// [`Error::Directory`] if the system can start no thread.
     pub fn new(bucket: NatsBucket) -> Result<Self, Error> {
         Ok(Self {
             runtime: runtime(&bucket)?,
@@ -249,6 +252,7 @@ impl NatsRegistry {
     }
 
     fn run(&mut self, record: &NodeRecord, is_leaving: bool) -> Result<(), Error> {
+        // Put back only after success, so that a failure leads to a new connection.
         let (bucket, store) = (&self.bucket, self.store.take());
         let written = async {
             let store = match store {
@@ -285,7 +289,7 @@ impl Registry for NatsRegistry {
     }
 }
 
-/// An address as a key: what keys may not have becomes `_`.
+/// The key of an address; characters that keys may not contain become `_`.
 fn key(address: &str) -> String {
     let plain = |c: char| match c {
         'a'..='z' | 'A'..='Z' | '0'..='9' | '-' | '_' => c,
@@ -294,15 +298,15 @@ fn key(address: &str) -> String {
     address.chars().map(plain).collect()
 }
 
-/// How often a node writes its record: 1,000 nodes are 200 messages a second.
+/// Period in which a node writes its record: 1,000 nodes send 200 messages a second.
 const REGISTRATION_PERIOD: Duration = Duration::from_secs(5);
-/// How long a record lives: two may be lost.
+/// Lifetime of a record, which survives the loss of two writes.
 const LIFETIME: Duration = Duration::from_secs(16);
-/// How often a farm looks at what its watch has heard.
+/// Period in which a farm evaluates what its watch has received.
 const LOOK_PERIOD: Duration = Duration::from_secs(1);
-/// Bounds the wait for a server.
+/// Maximum wait for a server.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// From the watch's begin until a snapshot has come: 1,000 records take some 50 ms.
+/// Wait from the beginning of a watch for the existing records: 1,000 take some 50 ms.
 const SNAPSHOT_TIME: Duration = Duration::from_millis(200);
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Roster of a farm: what its directories list, against the nodes that it calls.
+//! Roster of a farm: the nodes listed by its directories, compared with those it connects to.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use super::ListedNode;
 use crate::net::NodeAddress;
 use crate::node_status::NodeIndex;
 
-/// The remote nodes of a farm that directories have listed. No input or output.
+/// Remote nodes of a farm that directories have listed. Performs no input or output.
 #[derive(Debug, Default)]
 pub struct Roster {
     /// The last answer of each directory.
@@ -21,7 +21,7 @@ impl Roster {
         self.lists.len() - 1
     }
 
-    /// Takes the answer of a directory; returns the nodes that are to be called because of it.
+    /// Stores the answer of a directory; returns the nodes to connect to because of it.
     pub fn update(&mut self, directory: usize, nodes: Vec<ListedNode>) -> Vec<NodeAddress> {
         self.lists[directory] = nodes;
         let mut new = Vec::new();
@@ -35,12 +35,12 @@ impl Roster {
         new
     }
 
-    /// Notes by which index a node is called.
+    /// Records the index of a node that is being connected to.
     pub fn call(&mut self, node: NodeIndex, address: NodeAddress) {
         self.called.insert(node, address);
     }
 
-    /// The nodes that are called and that no directory lists, or lists as draining.
+    /// The nodes with a link that no directory lists, or that are listed as draining only.
     pub fn left(&self) -> Vec<NodeIndex> {
         let is_listed = |address: &NodeAddress| {
             let mut nodes = self.lists.iter().flatten();
@@ -51,7 +51,7 @@ impl Roster {
         left.map(|(node, _)| *node).collect()
     }
 
-    /// Forgets a node that is no longer called.
+    /// Removes a node whose link has ended.
     pub fn forget(&mut self, node: NodeIndex) {
         self.called.remove(&node);
     }

@@ -1,4 +1,4 @@
-//! Texts that name nodes on command lines and in configurations.
+//! Texts that denote nodes on command lines and in configurations.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -11,28 +11,28 @@ use super::{NatsBucket, NatsDirectory, NatsRegistry};
 use crate::Error;
 use crate::net::NodeAddress;
 
-/// A node, or a directory of nodes.
+/// A node or a directory of nodes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NodeSource {
     /// `host:port`: one node, at the first of the host's addresses that answers.
     Node(NodeAddress),
     /// `dns:host:port`: a node at each of the host's addresses.
     Dns(NodeAddress),
-    /// `file:path`: a `host:port` in each line.
+    /// `file:path`: a node as `host:port` in each line of a file.
     File(PathBuf),
     /// `mdns:`: the nodes that announce themselves on a local network.
     #[cfg(feature = "mdns")]
     Mdns,
-    /// `nats://host:port/bucket`: the nodes that have registered there.
+    /// `nats://host:port/bucket`: the nodes that have registered in a bucket.
     #[cfg(feature = "nats")]
     Nats(NatsBucket),
 }
 
 impl NodeSource {
-    /// The directory; for a single node a list of one.
+    /// Opens the directory; for a single node, a constant list of one.
     ///
     /// # Errors
-    /// Those of starting to ask it; none for a list, a file and a name.
+    /// Those of starting the directory; none for a list, a file or a name.
     pub fn open(&self) -> Result<Box<dyn Directory>, Error> {
         Ok(match self {
             Self::Node(address) => Box::new(vec![address.clone()]),
@@ -45,10 +45,10 @@ impl NodeSource {
         })
     }
 
-    /// The directory as one in which nodes register themselves; absent if they cannot.
+    /// Opens the directory as a registry; `None` if nodes cannot register in it.
     ///
     /// # Errors
-    /// Those of starting it.
+    /// Those of starting the registry.
     pub fn registry(&self) -> Result<Option<Box<dyn Registry>>, Error> {
         Ok(match self {
             Self::Node(_) | Self::Dns(_) | Self::File(_) => None,
@@ -59,7 +59,7 @@ impl NodeSource {
         })
     }
 
-    /// The text of a source whose relative path, if it has one, is that of a file in `folder`.
+    /// The text of a source with its path, if it has a relative one, resolved against `folder`.
     pub(crate) fn in_folder(text: &str, folder: &Path) -> String {
         match text.strip_prefix(FILE) {
             Some(path) => format!("{FILE}{}", folder.join(path).display()),
@@ -76,7 +76,7 @@ impl FromStr for NodeSource {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self, Error> {
-        // A host may be called `dns`.
+        // `dns:4433` is a host called `dns`.
         if let Some(name) = text.strip_prefix(DNS).filter(|rest| rest.contains(':')) {
             return Ok(Self::Dns(name.parse()?));
         }

@@ -1,21 +1,21 @@
-//! Threads that keep asking directories.
+//! Threads that query directories periodically.
 
 use std::io;
 use std::sync::mpsc::{self, RecvTimeoutError};
 
 use super::{Directory, ListedNode};
 
-/// A directory's thread; it ends after this is dropped.
+/// Thread of a directory, which ends after this is dropped.
 pub(crate) struct DirectoryWatch {
     _running: mpsc::Sender<()>,
 }
 
 impl DirectoryWatch {
-    /// Asks `directory` now and after each of its periods. `changed` is called with each answer that
-    /// differs from the one before, and returns whether anybody still wants one.
+    /// Queries `directory` now and after each of its periods. `changed` is called with each answer that
+    /// differs from the one before, and returns whether further answers are wanted.
     ///
     /// # Errors
-    /// If the system has no thread left.
+    /// If the system can start no thread.
     pub(crate) fn start(
         mut directory: Box<dyn Directory>,
         changed: impl Fn(Vec<ListedNode>) -> bool + Send + 'static,
@@ -34,7 +34,7 @@ impl DirectoryWatch {
                         }
                     }
                     Ok(_) => fault = None,
-                    // The same fault is said once, until there is an answer again.
+                    // The same fault is logged once until there is an answer again.
                     Err(why) => {
                         let why = why.to_string();
                         if fault.as_ref() != Some(&why) {
@@ -43,6 +43,8 @@ impl DirectoryWatch {
                         }
                     }
                 }
+                // The timeout is the pause between two queries; an error means that the watch has been
+                // dropped.
                 match stopped.recv_timeout(directory.period()) {
                     Err(RecvTimeoutError::Timeout) => {}
                     _ => return,

@@ -1,4 +1,4 @@
-//! Network of a build without the feature `net`: nobody can be called.
+//! Network layer of a build without the feature `net`: every attempt to use it fails.
 
 mod address;
 #[allow(dead_code, reason = "words of errors that only a network has")]
@@ -14,13 +14,13 @@ use crate::link::{LinkCommand, LinkEvent};
 pub use address::NodeAddress;
 pub use peer::{CertificateFault, DisconnectReason, NoPlace, Role};
 
-/// Credentials, which nobody has.
+/// Credentials; never constructed in this build.
 pub(crate) struct Credentials;
 
-/// A network side, which nobody has.
+/// Network side of a player; never constructed in this build.
 pub(crate) struct Client;
 
-/// A link, which nobody has.
+/// Link to a node; never constructed in this build.
 pub(crate) struct NodeLink;
 
 impl Credentials {

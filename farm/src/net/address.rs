@@ -1,4 +1,4 @@
-//! A node's address: a host and a port, resolved anew for each connection.
+//! Address of a node: a host and a port, resolved anew for each connection.
 
 use std::fmt;
 use std::net::{Ipv6Addr, SocketAddr};
@@ -6,14 +6,14 @@ use std::str::FromStr;
 
 use crate::Error;
 
-/// `host:port`; the host is a name, an IPv4 address or an IPv6 address in brackets.
+/// Address as `host:port`; the host is a name, an IPv4 address or an IPv6 address in brackets.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct NodeAddress {
     host: String,
     port: u16,
 }
 
-/// The longest name of the domain name system.
+/// Maximum length of a domain name in bytes.
 const HOST_BYTES_MAX: usize = 253;
 
 impl NodeAddress {
@@ -23,7 +23,7 @@ impl NodeAddress {
         Self { port, ..self }
     }
 
-    /// The host's addresses, by the system's resolver.
+    /// Resolves the host to its socket addresses, by the system's resolver.
     #[cfg(feature = "net")]
     pub(crate) async fn resolve(&self) -> Result<Vec<SocketAddr>, Error> {
         let found = tokio::net::lookup_host((self.host.as_str(), self.port)).await;

@@ -1,4 +1,4 @@
-//! A farm's own certificate authority: created once, kept by the farm's owner, never on a node.
+//! Certificate authority of a farm: created once and kept by the farm's owner, never on a node.
 
 use std::path::Path;
 use std::time::{Duration, SystemTime};
@@ -19,11 +19,11 @@ use crate::net::encrypted_key::{self, ENCRYPTED_KEY, KeyFault};
 use crate::net::peer::{AUTHORITY_LIFE, Role};
 use zeroize::{Zeroize, Zeroizing};
 
-/// Certificates begin a day early: clocks of fresh machines are often wrong by a time zone.
+/// Certificates are valid from a day earlier: clocks of new machines are often wrong by a time zone.
 const EARLY: Duration = Duration::from_secs(24 * 3600);
-/// The file of the authority's key.
+/// Name of the file with the authority's key.
 pub(crate) const AUTHORITY_KEY_FILE: &str = "ca.key";
-/// Bytes of a serial number; more than half of them must be random (CA/Browser Forum, 7.1).
+/// Bytes of a serial number, all random; 64 random bits are the minimum (CA/Browser Forum, 7.1).
 const SERIAL_BYTES: usize = 16;
 
 /// A certificate and its key as PEM text.
@@ -40,21 +40,20 @@ impl IssuedCertificate {
     }
 }
 
-/// The key does not stay in memory that is given back.
+/// Wipes the key from memory.
 impl Drop for IssuedCertificate {
     fn drop(&mut self) {
         self.key_pem.zeroize();
     }
 }
 
-/// The farm's authority with its key.
+/// Certificate authority of a farm, with its key.
 pub struct Authority {
     certificate_pem: String,
     issuer: Issuer<'static, WipedKey>,
 }
 
-/// A key whose bytes do not stay in memory that is given back. While it lives, ring has a copy that it
-/// does not wipe.
+/// Key pair that is wiped from memory when it is dropped. ring holds a copy meanwhile, which is not wiped.
 struct WipedKey(KeyPair);
 
 impl Drop for WipedKey {
@@ -79,7 +78,7 @@ impl SigningKey for WipedKey {
     }
 }
 
-/// Everything but the key.
+/// Prints no key.
 impl std::fmt::Debug for Authority {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Authority").finish_non_exhaustive()
@@ -90,19 +89,20 @@ impl Authority {
     /// Creates an authority with a P-256 key, in memory.
     ///
     /// # Errors
-    /// [`Error::CertificateCreation`] if the system gives no randomness.
+    /// [`Error::CertificateCreation`] if the system provides no randomness.
     pub fn generate() -> Result<Self, Error> {
         let key = generate_key()?;
         let mut params = CertificateParams::default();
         let validity = lasting(AUTHORITY_LIFE);
         params.not_before = validity.start.into();
         params.not_after = validity.end.into();
-        // Each farm's name differs, so that a stranger's certificate can be distinguished from a
+        // Each farm has a name of its own, so that a certificate of another farm can be distinguished from a
         // forged one.
         let id = certificate_fields::hexadecimal(&params.key_identifier(&key)[..8]);
         params.distinguished_name = subject(&format!("Carom farm {id}"));
+        // Path length 0: it certifies nodes and players, but no further authority.
         params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
-        // It signs handshakes with nodes that join.
+        // DigitalSignature, since the authority also signs the handshakes with nodes that join.
         params.key_usages = vec![
             KeyUsagePurpose::KeyCertSign,
             KeyUsagePurpose::CrlSign,
@@ -154,11 +154,11 @@ impl Authority {
         &self.certificate_pem
     }
 
-    /// The authority's key as PEM text, in PKCS #8 encrypted by scrypt and AES-256 (RFC 8018) if
-    /// there is a passphrase.
+    /// The authority's key as PEM text, in PKCS #8, encrypted by scrypt and AES-256 (RFC 8018) if there is
+    /// a passphrase.
     ///
     /// # Errors
-    /// [`Error::CertificateCreation`] if the system gives no randomness.
+    /// [`Error::CertificateCreation`] if the system provides no randomness.
     pub(crate) fn key_pem(&self, passphrase: Option<&str>) -> Result<Zeroizing<String>, Error> {
         let WipedKey(key) = self.issuer.key();
         let Some(passphrase) = passphrase else {
@@ -172,7 +172,7 @@ impl Authority {
     /// Creates a key and issues its certificate.
     ///
     /// # Errors
-    /// [`Error::CertificateCreation`] if the system gives no randomness.
+    /// [`Error::CertificateCreation`] if the system provides no randomness.
     pub fn issue(
         &self,
         role: Role,
@@ -187,11 +187,11 @@ impl Authority {
         })
     }
 
-    /// Issues the certificate of a key that lies elsewhere, whose holder has signed the request.
-    /// All else in the request is ignored.
+    /// Issues a certificate for a key that is kept elsewhere, whose holder has signed the request. Everything
+    /// in the request but its key is ignored.
     ///
     /// # Errors
-    /// [`Error::CertificateCreation`] if the request is none.
+    /// [`Error::CertificateCreation`] if the text is no certificate request.
     #[doc(hidden)]
     pub fn sign_request(
         &self,
@@ -205,10 +205,10 @@ impl Authority {
         self.sign(role, name, validity, &request.public_key)
     }
 
-    /// Issues credentials that are ready for an endpoint and never on a disk.
+    /// Issues credentials for immediate use by an endpoint, without writing them to a disk.
     ///
     /// # Errors
-    /// [`Error::CertificateCreation`], or [`Error::Certificate`] if it is not valid now.
+    /// [`Error::CertificateCreation`], or [`Error::Certificate`] if the certificate is not valid now.
     pub fn credentials(
         &self,
         role: Role,
@@ -286,7 +286,7 @@ fn decrypted(path: &Path, key_pem: &str, passphrase: &str) -> Result<WipedKey, E
         .map_err(not_pem(path, "private key"))
 }
 
-/// The days of a certificate that is issued now.
+/// The validity of a certificate issued now for `life`.
 #[doc(hidden)]
 pub fn lasting(life: Duration) -> std::ops::Range<SystemTime> {
     let now = SystemTime::now();

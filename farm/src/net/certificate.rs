@@ -1,4 +1,4 @@
-//! The check that a peer's certificate must pass: farm, dates, role, deny list.
+//! Verification of a peer's certificate: authority, validity, role, deny list.
 
 use std::sync::Arc;
 
@@ -17,8 +17,7 @@ use x509_parser::prelude::{FromDer, X509Certificate};
 use crate::net::deny_list::DenyList;
 use crate::net::peer::{CertificateFault, Role};
 
-/// Checks one's own certificate as a peer would: issued by `authority`, valid at `now`, of the
-/// role.
+/// Verifies one's own certificate as a peer would: issued by `authority`, valid at `now`, of the given role.
 pub(crate) fn verify_own(
     authority: &CertificateDer<'_>,
     certificate: &CertificateDer<'_>,
@@ -57,7 +56,7 @@ pub(crate) fn provider() -> Arc<CryptoProvider> {
     Arc::new(rustls::crypto::ring::default_provider())
 }
 
-/// Whether a certificate names the role and no other.
+/// Whether a certificate states this role and no other.
 fn grants(certificate: &[u8], role: Role) -> bool {
     let Ok((_, parsed)) = X509Certificate::from_der(certificate) else {
         return false;
@@ -76,7 +75,7 @@ fn grants(certificate: &[u8], role: Role) -> bool {
     roles.next() == Some(role.uri()) && roles.next().is_none()
 }
 
-/// A verifier that accepts peers of one role of one farm whose keys are not on the deny list.
+/// TLS verifier that accepts peers of one role of one farm whose keys are not on the deny list.
 #[derive(Debug)]
 pub(crate) struct PeerVerifier {
     role: Role,
@@ -110,7 +109,7 @@ impl PeerVerifier {
         })
     }
 
-    /// The same, but that a client may show no certificate at all.
+    /// As this verifier, but a client may present no certificate at all.
     pub(crate) fn optional(self) -> Self {
         Self {
             mandatory: false,
@@ -129,6 +128,7 @@ impl PeerVerifier {
                 self.players
                     .verify_client_cert(certificate, intermediates, now)?;
             }
+            // The server's name is not verified: certificates state roles, not hosts.
             Role::Node => rustls::client::verify_server_cert_signed_by_trust_anchor(
                 &rustls::server::ParsedCertificate::try_from(certificate)?,
                 &self.roots,
@@ -137,7 +137,7 @@ impl PeerVerifier {
                 self.provider.signature_verification_algorithms.all,
             )?,
         }
-        // The chain shows the farm; the role is in the subject alternative names.
+        // The chain proves the farm; the role is a URI in the subject alternative names.
         if !grants(certificate, self.role) {
             return Err(CertificateError::ApplicationVerificationFailure.into());
         }
@@ -214,7 +214,7 @@ impl ClientCertVerifier for PeerVerifier {
     }
 
     fn root_hint_subjects(&self) -> &[DistinguishedName] {
-        // A client has one certificate: a hint would only tell strangers the farm's name.
+        // A client has one certificate: hints would only reveal the farm's name to strangers.
         &[]
     }
 

@@ -1,4 +1,4 @@
-//! Fields of X.509 certificates: names, keys, days.
+//! Fields of X.509 certificates: names, key fingerprints, validity.
 
 use std::ops::Range;
 use std::path::Path;
@@ -17,14 +17,14 @@ use x509_parser::time::ASN1Time;
 
 use crate::net::peer::CertificateFault;
 
-/// The certificate that the peer has shown.
+/// The certificate that the peer has presented.
 pub(crate) fn peer_certificate(connection: &Connection) -> Option<CertificateDer<'static>> {
     let chain = connection.peer_identity()?;
     let chain = chain.downcast::<Vec<CertificateDer<'static>>>().ok()?;
     chain.into_iter().next()
 }
 
-/// The common name of a certificate's subject, printable.
+/// The common name of a certificate's subject, made printable.
 pub(crate) fn common_name(certificate: &[u8]) -> Result<String, CertificateFault> {
     let parsed = parse(certificate)?;
     let name = parsed.subject().iter_common_name().next();
@@ -32,7 +32,7 @@ pub(crate) fn common_name(certificate: &[u8]) -> Result<String, CertificateFault
     Ok(printable(name, NODE_NAME_BYTES_MAX))
 }
 
-/// The common name in a file of PEM text; `None` if there is no such file or it is something else.
+/// The common name in a PEM file; `None` if the file does not exist or holds something else.
 pub(crate) fn common_name_of_file(path: &Path) -> Option<String> {
     common_name(&CertificateDer::from_pem_file(path).ok()?).ok()
 }
@@ -42,7 +42,7 @@ pub(crate) fn key_id(certificate: &[u8]) -> Result<String, CertificateFault> {
     Ok(sha256(parse(certificate)?.public_key().raw))
 }
 
-/// The days of a certificate.
+/// The validity of a certificate.
 pub(crate) fn validity(certificate: &[u8]) -> Result<Range<SystemTime>, CertificateFault> {
     let parsed = parse(certificate)?;
     let time = |time: ASN1Time| {
@@ -51,7 +51,7 @@ pub(crate) fn validity(certificate: &[u8]) -> Result<Range<SystemTime>, Certific
     Ok(time(parsed.validity().not_before)..time(parsed.validity().not_after))
 }
 
-/// A day as `2026-12-24`.
+/// Formats a day as `2026-12-24`.
 pub(crate) fn day(unix_secs: u64) -> String {
     let time = i64::try_from(unix_secs).map(ASN1Time::from_timestamp);
     match time {
@@ -60,7 +60,7 @@ pub(crate) fn day(unix_secs: u64) -> String {
     }
 }
 
-/// A moment as `2026-12-24T18:00:00Z`.
+/// Formats a moment as `2026-12-24T18:00:00Z`.
 pub fn utc(time: SystemTime) -> String {
     let since = time.duration_since(SystemTime::UNIX_EPOCH);
     let secs = since.map_or(0, |since| since.as_secs());
@@ -77,7 +77,7 @@ pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Bytes that nobody can guess; fails if the system gives none.
+/// Cryptographically secure random bytes; fails if the system provides none.
 pub(crate) fn random<const N: usize>() -> Result<[u8; N], Unspecified> {
     let mut bytes = [0; N];
     SystemRandom::new().fill(&mut bytes)?;

@@ -1,5 +1,4 @@
-//! A player's links to nodes: one task each, which connects, runs the session, decodes tiles, and
-//! reconnects.
+//! Links of a player to nodes: one task each, which connects, runs the session, decodes tiles and reconnects.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -24,46 +23,46 @@ use crate::net::deny_list::DenyList;
 use crate::net::runtime;
 use crate::node::PacketHandler;
 
-/// The network side of a player: its threads, sockets and links.
+/// Network side of a player: its threads, sockets and links.
 pub struct Client {
     threads: Vec<NetworkThread>,
     denied: Arc<DenyList>,
     links: AtomicUsize,
 }
 
-/// A thread with sockets and links of its own.
+/// Network thread with sockets and links of its own.
 struct NetworkThread {
     runtime: Runtime,
     connector: Arc<Connector>,
 }
 
-/// The link to one node; reconnects until it is dropped.
+/// Link to one node, which reconnects until it is dropped.
 pub struct NodeLink {
     commands: mpsc::Sender<LinkCommand>,
     task: tokio::task::AbortHandle,
 }
 
-/// The backoff between attempts to connect. A node that restarts is back within a second; one that
-/// is down costs a packet every five seconds.
+/// Backoff between attempts to connect, doubled up to [`BACKOFF_MAX`]. A node that restarts is reconnected
+/// within a second; one that is down costs a packet every five seconds.
 const BACKOFF_FIRST: Duration = Duration::from_millis(200);
 const BACKOFF_MAX: Duration = Duration::from_secs(5);
-/// After a connection that lasted this long the backoff starts anew: its end was an accident.
+/// A connection that lasted this long resets the backoff: its end was not a failure to connect.
 const STABLE_AFTER: Duration = Duration::from_secs(2);
-/// Threads that links are distributed over, as a 720p frame takes 5 ms to decode. One runtime for
-/// all would wake its threads for each message: an answer of 64 KiB over a loopback took 0.9 ms
-/// instead of 0.7 at the median, 1.8 instead of 1.1 at the 99th percentile.
+/// Number of threads that links are distributed over, as a 720p frame takes 5 ms to decode. A single
+/// runtime with several threads would wake them for each message: an answer of 64 KiB over loopback took
+/// 0.9 ms instead of 0.7 at the median, 1.8 instead of 1.1 at the 99th percentile.
 const THREADS: usize = 4;
-/// Commands that wait for a link's task; the coordinator issues far fewer at once.
+/// Commands that may wait for a link's task; the coordinator issues far fewer at once.
 const COMMANDS_MAX: usize = 1024;
-/// Bounds the wait of a leaving player for its nodes' acknowledgement.
+/// Maximum wait of a leaving player for its nodes' acknowledgement.
 const CLOSE_TIMEOUT: Duration = Duration::from_millis(200);
 
 impl Client {
     /// Starts the network threads. No socket is opened before the first link.
     ///
     /// # Errors
-    /// [`Error::KeyPair`] if the credentials cannot be used, [`Error::Socket`] if the system has
-    /// no threads left.
+    /// [`Error::KeyPair`] if the credentials are unusable, [`Error::Socket`] if the system can start no
+    /// threads.
     pub fn new(credentials: &Credentials) -> Result<Self, Error> {
         let claims = NodeClaims::default();
         let thread = |_| {
@@ -79,9 +78,8 @@ impl Client {
         })
     }
 
-    /// Connects to a node, and reconnects until the link is dropped; `precision` bounds the
-    /// precision of its sRGB tiles. `events` is called on a network thread, with one or more, and
-    /// must not block.
+    /// Connects to a node, and reconnects until the link is dropped; `precision` bounds the precision of its
+    /// sRGB tiles. `events` is called on a network thread, with one event or more, and must not block.
     pub fn link(
         &self,
         address: NodeAddress,
@@ -108,7 +106,7 @@ impl Client {
 
 impl Drop for Client {
     fn drop(&mut self) {
-        // All at once, so that the timeouts do not add up.
+        // Concurrently, so that the timeouts do not add up.
         let close = |thread: &NetworkThread| {
             let connector = Arc::clone(&thread.connector);
             let close = async move { tokio::time::timeout(CLOSE_TIMEOUT, connector.close()).await };
@@ -123,8 +121,8 @@ impl Drop for Client {
 }
 
 impl NodeLink {
-    /// Sends a command to the node. It is dropped while there is no connection, and with a
-    /// connection that is lost. `false` if too many commands are waiting.
+    /// Sends a command to the node. It is dropped without a connection, and lost with one that breaks.
+    /// Returns `false` if too many commands are waiting.
     pub fn send(&self, command: LinkCommand) -> bool {
         self.commands.try_send(command).is_ok()
     }
@@ -136,7 +134,7 @@ impl Drop for NodeLink {
     }
 }
 
-/// The task behind a [`NodeLink`].
+/// Task behind a [`NodeLink`].
 struct LinkTask {
     connector: Arc<Connector>,
     denied: Arc<DenyList>,
@@ -177,17 +175,18 @@ impl LinkTask {
             Ok(connected) => connected,
             Err(error) => return error,
         };
-        // Commands that were meant for the connection before this one.
+        // Commands meant for the previous connection are obsolete.
         while self.commands.try_recv().is_ok() {}
         let certificate = peer_certificate(&streams.connection);
         let name = certificate.and_then(|shown| common_name(&shown).ok());
         let mut claims = vec![address_claim];
+        // A failed claim is found in the callback below, which cannot end the connection; this channel does.
         let (same, is_same) = oneshot::channel();
         let mut same = Some(same);
         let events = |mut events: Vec<LinkEvent>| {
             for event in &mut events {
                 if let LinkEvent::Session(ClientEvent::Welcome(node)) = event {
-                    // Whatever it calls itself.
+                    // The certificate's name counts, whatever the node calls itself.
                     node.name = name.clone().unwrap_or_default();
                     match claims[0].claim_instance(node.instance) {
                         Ok(claim) => claims.extend(claim),
@@ -214,7 +213,7 @@ impl LinkTask {
     }
 }
 
-/// The player's side of one connection.
+/// Player's side of one connection.
 struct PlayerSession<'a, F> {
     session: LinkSession<F>,
     commands: &'a mut mpsc::Receiver<LinkCommand>,

@@ -2,15 +2,15 @@
 
 use quinn::VarInt;
 
-/// An ordinary end.
+/// Regular end.
 pub(crate) const DONE: VarInt = VarInt::from_u32(0);
-/// The node serves as many players as it accepts.
+/// The node has as many players as it accepts.
 pub(crate) const FULL: VarInt = VarInt::from_u32(1);
 /// The node is shutting down.
 pub(crate) const DRAINING: VarInt = VarInt::from_u32(2);
-/// The peer broke the protocol; the close reason says how.
+/// The peer violated the protocol; the close reason states how.
 pub(crate) const PROTOCOL: VarInt = VarInt::from_u32(3);
 /// The peer's certificate has been revoked.
 pub(crate) const REVOKED: VarInt = VarInt::from_u32(5);
-/// Nobody waits for a stream's tiles any more.
+/// The tiles of a stream are no longer wanted.
 pub(crate) const STALE: VarInt = VarInt::from_u32(4);

@@ -1,7 +1,7 @@
-//! The driver of one connection: carries a session's packets, control packets framed on one
-//! bidirectional stream, tile packets as [`super::tile_transport`] has it. While tiles travel as
-//! datagrams the path loses packets, and requests are sent twice: on the stream and, a moment
-//! later, as a datagram.
+//! Driver of one connection, which carries a session's packets: control packets framed on one
+//! bidirectional stream, tile packets as in [`super::tile_transport`]. While tiles travel as datagrams,
+//! the path is known to lose packets, and requests are sent twice: on the stream and, a moment later, as a
+//! datagram.
 
 use std::collections::VecDeque;
 use std::future::poll_fn;
@@ -33,28 +33,28 @@ pub(crate) struct ConnectionStreams {
     pub(crate) receive: RecvStream,
     /// The role of this side.
     pub(crate) role: Role,
-    /// Of the player: a node shares it among the player's connections.
+    /// Account of the player: a node shares it among the player's connections.
     pub(crate) account: Arc<PlayerAccount>,
 }
 
-/// Packets between the session and a stream's task, per channel. Few: packets that wait are better
-/// kept by the session, which can still drop them.
+/// Packets queued between the session and a stream's task, per channel. Few, since packets that wait are
+/// better kept by the session, which can still drop them.
 const PACKETS_SENDING_MAX: usize = 4;
-/// Packets that have arrived and wait to be handled: as many as arrive at once.
+/// Packets that have arrived and wait to be handled in one batch.
 const PACKETS_ARRIVED_MAX: usize = 16;
-/// NACKs that wait to be answered; the player repeats those that are dropped.
+/// NACKs waiting to be answered; the player repeats those that are dropped.
 const NACKS_MAX: usize = 64;
-/// A request's copy leaves this much later: a burst of losses does not take both, and a frame whose
-/// request it takes is not late.
+/// Delay of a request's copy: long enough that one burst of losses does not take both, short enough that
+/// a frame whose first request was lost is not late.
 const REQUEST_COPY_DELAY: Duration = Duration::from_millis(3);
-/// Bytes that are read from the control stream at once.
+/// Bytes read from the control stream at once.
 const CHUNK_BYTES_MAX: usize = 64 << 10;
-/// Control packets leave before tiles.
+/// Priority of the control stream, above the tile streams' 0.
 const CONTROL_PRIORITY: i32 = 1;
-/// Bounds the final flush of a session that met an error.
+/// Maximum duration of the final flush of a session that met an error.
 const FINAL_FLUSH_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Carries packets until the connection ends, closes it, and returns the reason.
+/// Carries packets until the connection ends; closes it and returns the reason.
 pub(crate) async fn drive(streams: ConnectionStreams, handler: &mut impl PacketHandler) -> Error {
     let (connection, role) = (streams.connection.clone(), streams.role);
     match ConnectionDriver::new(streams, handler.assembler())
@@ -77,11 +77,11 @@ struct ConnectionDriver {
     arrivals: mpsc::Receiver<Arrival>,
     control: mpsc::Sender<Vec<u8>>,
     tiles: mpsc::Sender<Vec<u8>>,
-    /// One for each kind of stream; all end when this is dropped.
+    /// A task for each kind of stream; all are aborted when this is dropped.
     tasks: JoinSet<ConnectionEnd>,
     control_writer: tokio::task::JoinHandle<()>,
     connection: Connection,
-    /// The last requests that were cancelled.
+    /// The last requests that were cancelled, for the sender of tiles.
     cancelled: watch::Sender<VecDeque<RequestId>>,
     transport: watch::Receiver<TileTransport>,
     role: Role,
@@ -137,14 +137,16 @@ impl ConnectionDriver {
         let mut arrived = Vec::with_capacity(PACKETS_ARRIVED_MAX);
         loop {
             handler.flush();
-            // One packet is held here at most; the others stay where they can be dropped.
+            // At most one packet is held here; the others stay in the session, where they can still be
+            // dropped.
             pending = pending.or_else(|| handler.poll_transmit());
             let out = match pending.as_ref().map(|packet| packet.channel) {
                 Some(Channel::Tiles) => &self.tiles,
                 _ => &self.control,
             };
             let violation = tokio::select! {
-                // Packets that have arrived are handled before the end of the connection.
+                // In this order, so that packets that have arrived are handled before the end of the
+                // connection.
                 biased;
                 permit = out.reserve(), if pending.is_some() => match (permit, pending.take()) {
                     (Ok(permit), Some(packet)) => {
@@ -164,6 +166,7 @@ impl ConnectionDriver {
                     let mut arrivals = arrived.drain(..);
                     arrivals.try_for_each(|arrival| self.on_arrival(handler, arrival)).err()
                 }
+                // No commands while a packet waits: theirs would only queue behind it in the session.
                 command = poll_fn(|cx| handler.poll_commands(cx)), if pending.is_none() => {
                     match command {
                         Ok(()) => None,
@@ -203,14 +206,15 @@ impl ConnectionDriver {
         Ok(())
     }
 
-    /// Bytes of tiles per second that the path is known to carry, repair symbols deducted.
+    /// Bytes of tiles per second that the path is known to carry, without repair symbols: the validated
+    /// window per round trip, divided by the overhead.
     fn tile_bytes_per_sec(&self) -> f64 {
         let bytes = congestion::validated_bytes(&self.connection) as f64;
         let overhead = self.transport.borrow().overhead.max(1.0);
         bytes / self.connection.rtt().as_secs_f64().max(1e-4) / overhead
     }
 
-    /// Sends a player's request a second time if the path loses packets.
+    /// Sends a player's request a second time, as a datagram, if the path loses packets.
     fn send_copy(&self, request: &[u8]) {
         let is_lossy = self.role == Role::Player && self.transport.borrow().datagrams;
         if !is_lossy || !codec::is_trace(request) {
@@ -220,12 +224,12 @@ impl ConnectionDriver {
         let connection = self.connection.clone();
         tokio::spawn(async move {
             tokio::time::sleep(REQUEST_COPY_DELAY).await;
-            // One that is too long for a datagram has the stream alone.
+            // A request that is too long for a datagram travels on the stream alone.
             let _ = connection.send_datagram(copy.into());
         });
     }
 
-    /// Sends what the session still has to say after an error, such as its version.
+    /// Sends the control packets that the session still has after an error, such as its version.
     async fn final_flush(mut self, handler: &mut impl PacketHandler, mut pending: Option<Packet>) {
         let flushed = async {
             while let Some(packet) = pending.take().or_else(|| handler.poll_transmit()) {
@@ -240,15 +244,15 @@ impl ConnectionDriver {
     }
 }
 
-/// Reads the control stream of a peer.
+/// Reader of a peer's control stream.
 struct ControlReader {
     role: Role,
     deframer: Deframer,
     to_session: mpsc::Sender<Arrival>,
-    /// Whether the first packet has come.
+    /// Whether the first packet has arrived.
     greeted: bool,
     assembler: SceneAssembler,
-    /// While chunks of a scene are awaited.
+    /// Permit held while chunks of a scene are expected.
     transfer: Option<OwnedSemaphorePermit>,
     account: Arc<PlayerAccount>,
 }
@@ -275,15 +279,15 @@ impl ControlReader {
         }
     }
 
-    /// Reads until the stream ends. What comes faster than allowed is read later, so that flow
-    /// control slows the peer down.
+    /// Reads until the stream ends. Beyond the allowed rate reading pauses, so that QUIC's flow control slows
+    /// the peer down.
     async fn run(mut self, mut stream: RecvStream) -> ConnectionEnd {
         let greeting_due = tokio::time::Instant::now() + HANDSHAKE_TIMEOUT;
         loop {
             let read = stream.read_chunk(CHUNK_BYTES_MAX, true);
             let read = match self.greeted || self.role == Role::Player {
                 true => read.await,
-                // Keep-alives alone must not hold a place.
+                // Without this deadline a peer could hold a place by keep-alives alone.
                 false => match tokio::time::timeout_at(greeting_due, read).await {
                     Ok(read) => read,
                     Err(_) => return ConnectionEnd::Violation(Error::NoGreeting),
@@ -310,7 +314,7 @@ impl ControlReader {
         }
     }
 
-    /// Delivers the packets that are whole.
+    /// Delivers the complete packets.
     async fn deliver(&mut self) -> Result<(), ConnectionEnd> {
         let violation = |error: carom_protocol::Error| ConnectionEnd::Violation(error.into());
         while let Some(bytes) = self.deframer.next_packet().map_err(violation)? {
@@ -331,13 +335,14 @@ impl ControlReader {
         Ok(())
     }
 
-    /// Handles a packet of a scene on a thread of its own: this one serves other players, too. Of all connections of a
-    /// player one does so at a time, and one awaits chunks, which are in memory until the scene is whole: the
-    /// others wait before they read on.
+    /// Handles a packet of a scene on a blocking thread, since this one serves other players too. Of all
+    /// connections of a player one at a time does so, and one at a time expects chunks, which are in memory
+    /// until the scene is complete; the others wait before they read on.
     async fn assemble(&mut self, packet: Vec<u8>) -> Result<Arrival, ConnectionEnd> {
-        // Never closed: an account's permits last as long as it does.
-        // Before the turn below is taken: who waited here while he had the turn would keep the connection
-        // that holds the transfer from handling its chunks, for ever.
+        // The semaphores are never closed, so waiting for a permit cannot fail.
+        // The permit for the transfer comes before the one for decoding: a connection that held the latter
+        // while waiting here would keep the connection that holds the transfer from handling its chunks, a
+        // deadlock.
         if codec::is_manifest(&packet) && self.transfer.is_none() {
             let transfers = Arc::clone(&self.account.transfers);
             self.transfer = transfers.acquire_owned().await.ok();
@@ -363,7 +368,7 @@ async fn pause(duration: Duration) {
     }
 }
 
-/// Writes packets until there are no more, ends the stream and waits until all has arrived.
+/// Writes packets until the channel closes, then ends the stream and waits until all of it has arrived.
 async fn write_control(
     connection: Connection,
     mut stream: SendStream,
@@ -371,7 +376,9 @@ async fn write_control(
 ) {
     while let Some(packet) = packets.recv().await {
         if packet.len() > limits::CONTROL_BYTES_MAX {
-            // Requests wait behind the chunks that quinn has buffered: 4 MB, if nothing else is said.
+            // Requests queue behind the bytes that quinn has buffered, initially up to 4 MB of chunks. A send
+            // window of little more than the congestion window keeps that queue short without starving the
+            // path.
             let cwnd = connection.stats().path.cwnd;
             connection.set_send_window(cwnd + (cwnd / 8).max(limits::CHUNK_BYTES_MAX as u64));
         }
@@ -383,8 +390,8 @@ async fn write_control(
     let _ = stream.stopped().await;
 }
 
-/// Reads a player's datagrams: NACKs and copies of requests. Those that come faster than allowed
-/// are dropped by QUIC's bounded queue.
+/// Reads a player's datagrams: NACKs and copies of requests. Those beyond the allowed rate are dropped by
+/// quinn's bounded queue.
 async fn read_datagrams(
     connection: Connection,
     account: Arc<PlayerAccount>,
@@ -398,7 +405,7 @@ async fn read_datagrams(
             Err(error) => return ConnectionEnd::Lost(error),
         };
         match Datagram::parse(&bytes) {
-            // Should too many wait, the player repeats it.
+            // If too many wait, this one is dropped and the player repeats it.
             Some(Datagram::Nack { block, received }) => {
                 drop(nacks.try_send(Nack { block, received }));
             }

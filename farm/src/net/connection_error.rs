@@ -1,4 +1,4 @@
-//! quinn's connection errors as [`Error`]s that say who is at fault and what to do.
+//! Conversion of quinn's connection errors into [`Error`]s that state who is at fault and what to do.
 
 use carom_tracer::text::printable;
 use quinn::ConnectionError;
@@ -43,7 +43,7 @@ pub(crate) fn connection(error: &ConnectionError, own: Role) -> Error {
     }
 }
 
-/// TLS alerts are QUIC's errors 0x100 to 0x1ff (RFC 9001, 4.8).
+/// The TLS alert in a QUIC error code: codes 0x100 to 0x1ff (RFC 9001, 4.8).
 fn tls_alert(code: u64) -> Option<u8> {
     (code >> 8 == 1).then_some((code & 0xff) as u8)
 }
@@ -51,20 +51,26 @@ fn tls_alert(code: u64) -> Option<u8> {
 /// The fault of the certificate of `holder` that a TLS alert reports (RFC 8446, 6.2).
 fn certificate_fault(alert: u8, holder: Role) -> Option<CertificateFault> {
     Some(match alert {
+        // certificate_required
         116 => CertificateFault::Missing,
-        // certificate_expired, which is also sent of one that is not valid yet.
+        // certificate_expired, which rustls also sends for a certificate that is not valid yet.
         45 => CertificateFault::OutsideItsDays(holder),
+        // unknown_ca and decrypt_error
         48 | 51 => CertificateFault::OtherFarm,
+        // unsupported_certificate and access_denied
         43 | 49 => CertificateFault::WrongRole(holder),
+        // certificate_revoked
         44 => CertificateFault::Revoked,
+        // bad_certificate and certificate_unknown
         42 | 46 => CertificateFault::Unusable(format!("TLS alert {alert}")),
         _ => return None,
     })
 }
 
-/// The error of a handshake that fails over something other than a certificate.
+/// The error of a handshake that failed for another reason than a certificate.
 fn handshake(alert: u8) -> Error {
     match alert {
+        // protocol_version and no_application_protocol
         70 | 120 => Error::ProtocolMismatch,
         alert => Error::Handshake(alert),
     }

@@ -1,24 +1,24 @@
-//! The events that the tasks of a connection report to its driver.
+//! Events that the tasks of a connection report to its driver.
 
 use carom_protocol::session::{Packet, SceneProgress};
 use quinn::ConnectionError;
 
 use crate::Error;
 
-/// An arrival on a stream or as a datagram.
+/// Arrival on a stream or as a datagram.
 pub(crate) enum Arrival {
-    /// A whole packet.
+    /// A complete packet.
     Packet(Packet),
-    /// A scene or a part of one, handled.
+    /// A scene or a part of one, already handled by the assembler.
     Scene(Result<SceneProgress, carom_protocol::Error>),
 }
 
-/// The end of a connection.
+/// End of a connection.
 pub(crate) enum ConnectionEnd {
-    /// It is lost.
+    /// The connection was lost.
     Lost(ConnectionError),
-    /// The other side broke a rule and is told which.
+    /// The peer violated a rule and is told which.
     Violation(Error),
-    /// This side's owner closes it.
+    /// The owner of this side closed it.
     Closed(Error),
 }

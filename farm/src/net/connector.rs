@@ -1,4 +1,4 @@
-//! A player's connections to nodes: from names to addresses, from addresses to authenticated
+//! Connections of a player to nodes: from names to addresses, and from addresses to authenticated
 //! connections.
 
 use std::collections::HashMap;
@@ -17,19 +17,19 @@ use crate::net::peer::Role;
 use crate::net::player_account::PlayerAccount;
 use crate::net::{close_code, connection_error, endpoint};
 
-/// A player's sockets, one for each address family that is needed.
+/// Sockets of a player, one for each address family in use.
 pub(crate) struct Connector {
     config: ClientConfig,
     sockets: Mutex<Sockets>,
     claims: NodeClaims,
 }
 
-/// The nodes that a player's links hold, with the names that led to them: two names or addresses of one
-/// node must not count as two nodes.
+/// Registry of the nodes that a player's links hold, with the addresses that led to them: two names or
+/// addresses of one node must not count as two nodes.
 #[derive(Clone, Default)]
 pub(crate) struct NodeClaims(Arc<Mutex<HashMap<NodeIdentity, NodeAddress>>>);
 
-/// What is of one node only.
+/// Property that only one node can have.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum NodeIdentity {
     Address(SocketAddr),
@@ -37,7 +37,7 @@ enum NodeIdentity {
     Instance(u64),
 }
 
-/// A link's hold on a node, until it is dropped.
+/// Hold of a link on a node, released when dropped.
 pub(crate) struct NodeClaim {
     claims: NodeClaims,
     identity: NodeIdentity,
@@ -74,10 +74,10 @@ impl NodeClaims {
 }
 
 impl NodeClaim {
-    /// Claims the same node by the number that it has told, if it has told one.
+    /// Claims the same node by the number that it has reported, unless that is 0.
     ///
     /// # Errors
-    /// [`Error::SameNode`] if another link holds it, by another address.
+    /// [`Error::SameNode`] if another link holds it, under another address.
     pub(crate) fn claim_instance(&self, instance: u64) -> Result<Option<Self>, Error> {
         let identity = NodeIdentity::Instance(instance);
         let claim = || self.claims.claim_as(identity, self.address, &self.node);
@@ -116,13 +116,14 @@ impl Connector {
     ) -> Result<(ConnectionStreams, NodeClaim), Error> {
         let mut errors = Vec::new();
         for address in node.resolve().await?.into_iter().take(ADDRESSES_MAX) {
+            // Claimed before connecting, so that two links to one address cannot both connect.
             let claim = self.claims.claim(address, node)?;
             match self.connect_address(address).await {
                 Ok(streams) => return Ok((streams, claim)),
                 Err(error) => errors.push(error),
             }
         }
-        // Both families of one host often fail alike.
+        // Both address families of a host often fail alike.
         errors.dedup_by_key(|error| error.to_string());
         Err(Error::NoAddressConnects(errors))
     }
@@ -149,7 +150,7 @@ impl Connector {
         Ok(socket.insert(endpoint).clone())
     }
 
-    /// Tells all nodes that this player is gone, and waits until they know.
+    /// Closes all connections and waits until the nodes have acknowledged it.
     pub(crate) async fn close(&self) {
         let endpoints = {
             let sockets = lock(&self.sockets);
@@ -162,8 +163,8 @@ impl Connector {
     }
 }
 
-/// A host with more addresses than this is a list of hosts, each of which may take a whole
-/// handshake's time to fail.
+/// Addresses of a host that are tried. A host with more of them is a list of hosts, each of which may take
+/// a whole handshake timeout to fail.
 const ADDRESSES_MAX: usize = 4;
 
 async fn open(connection: Connection) -> Result<ConnectionStreams, quinn::ConnectionError> {
@@ -198,7 +199,7 @@ mod tests {
 
     const DAY: Duration = Duration::from_secs(24 * 3600);
 
-    /// A node that shows some certificate and accepts any player.
+    /// A node that presents this certificate and accepts any player.
     fn impostor(shown: &IssuedCertificate, alpn: &[u8]) -> Endpoint {
         let certificate = CertificateDer::from_pem_slice(shown.certificate_pem.as_bytes());
         let key = PrivateKeyDer::from_pem_slice(shown.key_pem.as_bytes()).unwrap();
@@ -296,7 +297,7 @@ mod tests {
 
     #[test]
     fn packets_grow_to_the_path_mtu() {
-        // A search ends within 20 bytes.
+        // The search ends within 20 bytes of the MTU.
         assert!((6500..=6544).contains(&packet_bytes(None, 6500)));
         let ethernet = LinkConfig::default();
         let bytes = packet_bytes(Some(ethernet), 1452);
@@ -307,7 +308,7 @@ mod tests {
         crate::net::runtime::waiting_thread().unwrap()
     }
 
-    /// Far longer than a search for the MTU takes.
+    /// Far longer than the MTU discovery takes.
     const TIMEOUT: Duration = Duration::from_secs(60);
 
     #[test]
@@ -340,7 +341,7 @@ mod tests {
         assert!(second.claim_instance(8).unwrap().is_some());
         drop(held);
         assert!(second.claim_instance(7).unwrap().is_some());
-        // Nodes that tell none are told apart by their addresses alone.
+        // Nodes that report no instance number are distinguished by their addresses alone.
         assert!(first.claim_instance(0).unwrap().is_none());
     }
 
@@ -350,7 +351,7 @@ mod tests {
         let now = SystemTime::now();
         let player = farm.credentials(Role::Player, "player", now - DAY..now + DAY);
         let connector = Connector::new(&player.unwrap(), NodeClaims::default()).unwrap();
-        // RFC 6761: no name under `invalid` is ever given to anybody.
+        // RFC 6761: names under `invalid` are guaranteed not to exist.
         let nobody = "nobody.invalid:4433".parse().unwrap();
         let error = runtime()
             .block_on(connector.connect(&nobody))

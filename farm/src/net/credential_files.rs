@@ -1,4 +1,4 @@
-//! Files of keys and certificates: private from their first byte, or replaced as a whole.
+//! Files of keys and certificates: private from their creation on, or replaced atomically.
 
 use std::fs::{self, OpenOptions};
 use std::io::Write;
@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::Error;
 use crate::whole_file::WholeFile;
 
-/// Creates a folder that only its owner can look into.
+/// Creates a folder that only its owner can access.
 pub(crate) fn create_private_dir(dir: &Path) -> Result<(), Error> {
     let mut builder = fs::DirBuilder::new();
     builder.recursive(true);
@@ -16,7 +16,7 @@ pub(crate) fn create_private_dir(dir: &Path) -> Result<(), Error> {
     builder.create(dir).map_err(file_error(dir))
 }
 
-/// Writes a new file that only its owner can read, from its first byte on.
+/// Writes a new file that is readable by its owner alone from its creation on.
 pub(crate) fn write_private(path: &Path, text: &str) -> Result<(), Error> {
     let mut options = OpenOptions::new();
     options.write(true).create_new(true);
@@ -28,7 +28,7 @@ pub(crate) fn write_private(path: &Path, text: &str) -> Result<(), Error> {
         .map_err(file_error(path))
 }
 
-/// Refuses a key that every user of this machine can read, and warns of one that a group can: containers
+/// Refuses a key that every user of this machine can access, and warns of one that its group can: containers
 /// mount secrets for a group.
 pub(crate) fn check_private(key: &Path) -> Result<(), Error> {
     #[cfg(unix)]
@@ -52,13 +52,13 @@ pub(crate) fn check_private(key: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// Replaces a file: a reader sees what was before or all that is new.
+/// Replaces a file atomically: a reader sees the old content or all of the new one.
 pub(crate) fn write_whole(path: &Path, text: &str) -> Result<(), Error> {
     let written = WholeFile::replace(path, |file| file.write_all(text.as_bytes()));
     written.map_err(file_error(path))
 }
 
-/// What the system says of a file or folder.
+/// Converts the system's error about a file or folder.
 pub(crate) fn file_error(path: &Path) -> impl Fn(std::io::Error) -> Error {
     move |source| Error::CredentialsFile {
         path: path.to_path_buf(),

@@ -1,4 +1,4 @@
-//! The certificate and key of one side, loaded and checked before any socket is opened.
+//! Certificate and key of one side, loaded and verified before any socket is opened.
 
 use std::fmt;
 use std::path::Path;
@@ -15,27 +15,26 @@ use crate::net::deny_list::DenyList;
 use crate::net::peer::{CertificateFault, Role};
 use crate::net::{certificate, certificate_fields};
 
-/// A certificate with its key, and the authority that must have issued it and those of its peers.
+/// A certificate with its key, and the authority that must have issued it and its peers' certificates.
 pub struct Credentials {
     pub(crate) authority: CertificateDer<'static>,
     pub(crate) certificate: CertificateDer<'static>,
     pub(crate) key: PrivateKeyDer<'static>,
-    /// Keys that are trusted no more.
+    /// Keys that are no longer trusted.
     pub(crate) denied: Arc<DenyList>,
     role: Role,
     name: String,
 }
 
-/// The file of the authority's certificate, in every folder.
+/// Name of the file with the authority's certificate, in every folder.
 pub(crate) const AUTHORITY_FILE: &str = "ca.pem";
 
 impl Credentials {
-    /// Reads `ca.pem` and the role's certificate and key from `dir`. The deny list there is read
-    /// again whenever it changes.
+    /// Reads `ca.pem` and the role's certificate and key from `dir`. The deny list there is reread whenever
+    /// it changes.
     ///
     /// # Errors
-    /// [`Error::CredentialsMissing`], [`Error::CredentialsFile`] or [`Error::CredentialsPem`] if a
-    /// file cannot be read, [`Error::KeyExposed`] if everybody can read the key,
+    /// file cannot be read, [`Error::KeyExposed`] if every user can read the key,
     /// [`Error::Certificate`] if a peer would refuse the certificate.
     pub fn load(dir: &Path, role: Role) -> Result<Self, Error> {
         let certificate_path = dir.join(role.certificate_file());
@@ -56,7 +55,7 @@ impl Credentials {
         })
     }
 
-    /// Credentials that are in memory already, as DER.
+    /// Credentials from DER in memory.
     ///
     /// # Errors
     /// [`Error::Certificate`] if a peer would refuse the certificate.
@@ -95,21 +94,21 @@ impl Credentials {
         self.role
     }
 
-    /// SHA-256 of the farm's certificate, in hexadecimal: what a farm is known by.
+    /// SHA-256 of the farm's certificate in hexadecimal, which identifies a farm.
     pub fn farm_fingerprint(&self) -> String {
         certificate_fields::sha256(&self.authority)
     }
 
-    /// When the certificate begins and ends to be valid.
+    /// The period in which the certificate is valid.
     ///
     /// # Errors
-    /// [`Error::Certificate`] if it has no dates.
+    /// [`Error::Certificate`] if the certificate cannot be parsed.
     pub fn validity(&self) -> Result<std::ops::Range<SystemTime>, Error> {
         certificate_fields::validity(&self.certificate)
             .map_err(|fault| Error::Certificate { path: None, fault })
     }
 
-    /// Whether two thirds of the certificate's life are over, so that it should be renewed.
+    /// Whether two thirds of the certificate's validity are over, so that it should be renewed.
     pub fn is_due(&self) -> bool {
         let now = SystemTime::now();
         self.validity().is_ok_and(|validity| is_due(&validity, now))
@@ -118,7 +117,8 @@ impl Credentials {
     /// Checks that peers would accept the certificate `pem` in place of this one.
     ///
     /// # Errors
-    /// [`Error::Certificate`] if it is none, or if they would not: now, by the clock of this machine.
+    /// [`Error::Certificate`] if it is no certificate, or peers would refuse it at the time of this machine's
+    /// clock.
     pub(crate) fn check_successor(&self, pem: &str) -> Result<(), Error> {
         let successor = CertificateDer::from_pem_slice(pem.as_bytes());
         successor
@@ -145,20 +145,20 @@ impl Credentials {
     }
 }
 
-/// Whether the last third of a certificate's days has begun.
+/// Whether the last third of a certificate's validity has begun.
 pub(crate) fn is_due(validity: &std::ops::Range<SystemTime>, now: SystemTime) -> bool {
     let life = validity.end.duration_since(validity.start);
     life.is_ok_and(|life| now >= validity.end - life / 3)
 }
 
-/// The key does not stay in memory that is given back.
+/// Wipes the key from memory.
 impl Drop for Credentials {
     fn drop(&mut self) {
         self.key.zeroize();
     }
 }
 
-/// Everything but the key.
+/// Prints no key.
 impl fmt::Debug for Credentials {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Credentials")
@@ -182,7 +182,7 @@ fn read(path: &Path, role: Role) -> Result<Vec<u8>, Error> {
     })
 }
 
-/// What the parser says of a file that does not hold an `item`.
+/// Converts the parser's error about a file that does not hold an `item`.
 pub(crate) fn not_pem<E: fmt::Display>(path: &Path, item: &'static str) -> impl Fn(E) -> Error {
     move |error| Error::CredentialsPem {
         path: path.to_path_buf(),
@@ -205,7 +205,7 @@ mod tests {
         assert!(!is_due(&validity, day(19)));
         assert!(is_due(&validity, day(20)));
         assert!(is_due(&validity, day(31)));
-        // By a clock that is set back and forward, and of days that make no sense.
+        // With clocks set back and forward, and with an inverted validity.
         let validity = day(20_000)..day(20_030);
         assert!(!is_due(&validity, day(20_025 - 365)) && !is_due(&validity, start));
         assert!(is_due(&validity, day(20_005 + 365)));

@@ -1,5 +1,4 @@
-//! Deny list: the keys whose certificates are accepted no more, in a file that is read again when it
-//! changes.
+//! Deny list: the keys whose certificates are no longer accepted, in a file that is reread when it changes.
 
 use std::collections::HashSet;
 use std::io::ErrorKind;
@@ -14,22 +13,22 @@ use crate::lock::lock;
 use crate::net::peer::CertificateFault;
 use crate::net::{certificate_fields, close_code};
 
-/// The file in a folder of credentials: a line each, of a key id and a name.
+/// Name of the file in a folder of credentials: on each line a key id and a name.
 pub(crate) const DENY_LIST_FILE: &str = "revoked.txt";
-/// A peer whose certificate is revoked is cut off within this time.
+/// Maximum time until a peer whose certificate has been revoked is disconnected.
 const PERIOD: Duration = Duration::from_secs(2);
 
-/// The keys that a farm no longer trusts.
+/// Keys that a farm no longer trusts.
 #[derive(Debug, Default)]
 pub(crate) struct DenyList {
-    /// Absent for credentials that are on no disk: nothing is denied.
+    /// Absent for credentials that are on no disk; nothing is denied then.
     path: Option<PathBuf>,
     state: Mutex<DeniedKeys>,
 }
 
 #[derive(Debug, Default)]
 struct DeniedKeys {
-    /// Time of change and length of the file that was read.
+    /// Modification time and length of the file when it was last read.
     version: Option<(SystemTime, u64)>,
     key_ids: HashSet<String>,
 }
@@ -43,7 +42,7 @@ impl DenyList {
         }
     }
 
-    /// Whether the certificate's key is on the list as it is now.
+    /// Whether the certificate's key is on the list in its present version.
     pub(crate) fn denies(&self, certificate: &[u8]) -> bool {
         let Some(path) = &self.path else {
             return false;
@@ -56,7 +55,8 @@ impl DenyList {
         state.key_ids.contains(&key_id)
     }
 
-    /// Closes a connection once its peer's key is on the list, and returns the error; never returns otherwise.
+    /// Closes a connection once its peer's key is on the list, and returns the error; otherwise never
+    /// returns.
     pub(crate) async fn close_if_denied(&self, connection: &Connection) -> Error {
         let Some(certificate) = certificate_fields::peer_certificate(connection) else {
             return std::future::pending().await;
@@ -71,6 +71,7 @@ impl DenyList {
 
 impl DeniedKeys {
     fn refresh(&mut self, path: &Path) {
+        // Stamped before it is read, so that a change in between is noticed the next time.
         let version = std::fs::metadata(path).and_then(|file| Ok((file.modified()?, file.len())));
         let text = match version {
             Ok(version) if self.version == Some(version) => return,
@@ -86,7 +87,7 @@ impl DeniedKeys {
                 self.key_ids = first_words.map(str::to_owned).collect();
                 self.version = version;
             }
-            // Whoever was denied stays denied.
+            // On an error the last list stays in force, so that nobody who was denied is accepted.
             Err(why) => tracing::warn!("{}: {why}", path.display()),
         }
     }

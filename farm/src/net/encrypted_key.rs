@@ -1,12 +1,12 @@
-//! Private keys under a passphrase (PKCS #8), which only the program that keeps a farm's authority needs: the
-//! feature `cli` brings it.
+//! Private keys encrypted by a passphrase (PKCS #8), which only the program that keeps a farm's authority
+//! needs: part of the feature `cli`.
 
 use zeroize::Zeroizing;
 
-/// The label of an encrypted key in a PEM file (RFC 7468, 11).
+/// Label of an encrypted key in a PEM file (RFC 7468, 11).
 pub(crate) const ENCRYPTED_KEY: &str = "ENCRYPTED PRIVATE KEY";
 
-/// The reason why a key cannot be decrypted.
+/// Reason why a key cannot be decrypted.
 #[cfg_attr(
     not(feature = "cli"),
     expect(dead_code, reason = "nothing is decrypted without the feature")
@@ -16,7 +16,7 @@ pub(super) enum KeyFault {
     Passphrase,
 }
 
-/// The PEM text of a key under a passphrase.
+/// Encrypts a key in PKCS #8 DER; returns PEM text.
 #[cfg(feature = "cli")]
 pub(super) fn encrypt(der: &[u8], passphrase: &str) -> Result<String, String> {
     use pkcs8::{LineEnding, PrivateKeyInfoRef};
@@ -28,7 +28,7 @@ pub(super) fn encrypt(der: &[u8], passphrase: &str) -> Result<String, String> {
     Ok(pem.map_err(|error| error.to_string())?.to_string())
 }
 
-/// The key in a PEM text, as DER.
+/// Decrypts a key in PEM text; returns PKCS #8 DER.
 #[cfg(feature = "cli")]
 pub(super) fn decrypt(pem: &str, passphrase: &str) -> Result<Zeroizing<Vec<u8>>, KeyFault> {
     use pkcs8::{EncryptedPrivateKeyInfoRef, SecretDocument};

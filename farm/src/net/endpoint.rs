@@ -1,4 +1,4 @@
-//! QUIC endpoints: sockets, and every parameter of the transport with its reason.
+//! QUIC endpoints: sockets, and all parameters of the transport with their reasons.
 
 use std::io;
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
@@ -22,55 +22,54 @@ use crate::net::peer::Role;
 use crate::net::{connection_error, tls};
 use crate::node::STALL_TIMEOUT;
 
-/// max_idle_timeout (RFC 9000, 10.1). Five keep-alives may be lost in a row; the coordinator has
-/// requested the missing tiles from other nodes long before. A node lets a worker wait as long for
-/// a player that accepts no tiles.
+/// max_idle_timeout (RFC 9000, 10.1). Five keep-alives in a row may be lost; long before, the coordinator has
+/// requested the missing tiles from other nodes. A node lets a worker wait as long for a player that accepts
+/// no tiles.
 const IDLE_TIMEOUT: Duration = STALL_TIMEOUT;
 const KEEP_ALIVE: Duration = Duration::from_secs(1);
 /// max_ack_delay. With the default of 25 ms the last packet of a burst is acknowledged so late that
 /// the delay looks like a queue (draft-ietf-quic-ack-frequency).
 const ACK_DELAY_MAX: Duration = Duration::from_millis(2);
-/// kTimeThreshold (RFC 9002, 6.1.2); kPacketThreshold is off. On a path that reorders, the
-/// threshold of three packets declared lost whatever a single packet overtook, and measured a loss
-/// of 70 %. The standard 9/8 and RACK's 5/4 (RFC 8985, 6.2) are too short: where one packet in
-/// fifty overtakes others by a quarter of the round trip, that one is mostly the newest
-/// acknowledged, which the round-trip time comes from.
+/// kTimeThreshold (RFC 9002, 6.1.2); kPacketThreshold is off. On a path that reorders, a threshold of three
+/// packets declared lost whatever a single packet had overtaken: a loss of 70 % was measured. The standard
+/// 9/8 and RACK's 5/4 (RFC 8985, 6.2) are too short: where one packet in fifty overtakes others by a quarter
+/// of the round trip, that one is mostly the newest acknowledged, from which the round-trip time is taken.
 const TIME_THRESHOLD: f32 = 1.5;
-/// Flow control of a connection: 16 MB carried 578 Mbit/s over a round trip of 46 ms, quinn's
-/// default 53 Mbit/s.
+/// Flow control window of a connection: 16 MB carried 578 Mbit/s over a round trip of 46 ms, quinn's default
+/// 53 Mbit/s.
 const RECEIVE_WINDOW_BYTES: u32 = 16 << 20;
-/// Bytes that a node has sent and the player has not acknowledged: 4 MB carry 700 Mbit/s over 46
-/// ms, and bound how much is late on a link that is too slow.
+/// Bytes that a node may have sent and the player not acknowledged: 4 MB carry 700 Mbit/s over 46 ms, and
+/// bound how much is late on a link that is too slow.
 const SEND_WINDOW_BYTES: u64 = 4 << 20;
-/// Upper bound of the path MTU discovery, for loopbacks and jumbo frames: an answer of 64 KiB over
-/// a loopback takes a tenth less time. quinn hands the system up to ten packets at once, and 65,507
-/// bytes are the most that it takes.
+/// Upper bound of the path MTU discovery, for loopback and jumbo frames: an answer of 64 KiB over loopback
+/// takes a tenth less time. quinn hands up to ten packets to the system at once, which accepts at most 65,507
+/// bytes.
 const MTU_MAX: u16 = 6544;
-/// With the system's 208 kB the receiving socket drops a burst of one frame's tiles.
+/// Size of socket buffers: with the system's 208 kB the receiving socket drops a burst of one frame's tiles.
 const SOCKET_BYTES: usize = 4 << 20;
-/// A tile message is never blocked by its own stream's flow control.
+/// Flow control window of a tile stream, as long as the longest message, so that it never blocks.
 const TILE_STREAM_WINDOW_BYTES: u32 = limits::TILES_BYTES_MAX as u32;
-/// Tile messages under way to a player: three frames of 115 messages (1280×720 in tiles of 32,
-/// eight a message), and as many again.
+/// Tile messages in flight to a player: three frames of 115 messages (1280×720 in tiles of 32×32,
+/// eight a message) and as many again, rounded up to a power of two.
 const TILE_STREAMS_MAX: u32 = 1024;
-/// Outgoing datagrams that wait for the congestion window. More wait in the session, which can drop
-/// them; control packets wait for 10 ms of 25 Mbit/s at most.
+/// Bytes of outgoing datagrams that wait for the congestion window. Others wait in the session, which can
+/// drop them; control packets wait for at most 10 ms at 25 Mbit/s.
 const TILE_DATAGRAMS_SENT_BYTES: usize = 32 << 10;
-/// Received tile datagrams that wait to be read: a 4K frame at 30 MB/s for 30 ms. Beyond, the
-/// oldest are dropped.
+/// Bytes of received tile datagrams that wait to be read: 30 ms at 30 MB/s, the rate of a 4K frame. Beyond,
+/// the oldest are dropped.
 const TILE_DATAGRAMS_RECEIVED_BYTES: usize = 1 << 20;
-/// The same for a player's datagrams: 32 requests of 2 kB.
+/// Bytes of a player's datagrams that wait to be read: 32 requests of 2 kB.
 const REQUEST_DATAGRAMS_RECEIVED_BYTES: usize = 64 << 10;
-/// A player sends scenes and requests, all on the control stream.
+/// Flow control window of the control stream, which carries all scenes and requests of a player.
 const CONTROL_WINDOW_BYTES: u32 = RECEIVE_WINDOW_BYTES;
-/// A certificate signing request has a thousand bytes.
+/// Flow control window of an enrolment: a certificate signing request has a thousand bytes.
 const REQUEST_WINDOW_BYTES: u32 = 16 << 10;
-/// First flights that wait to be accepted, of one or two datagrams each.
+/// First flights that wait to be accepted, of one or two datagrams each, and bounds of their bytes.
 const INCOMING_MAX: usize = 64;
 const INCOMING_BYTES: u64 = 16 << 10;
 const INCOMING_BYTES_TOTAL: u64 = 256 << 10;
 
-/// The congestion controller of the connections that carry tiles.
+/// Congestion controller of the connections that carry tiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CongestionControl {
     /// [`DelayBasedController`](super::DelayBasedController).
@@ -92,14 +91,14 @@ impl CongestionControl {
     }
 }
 
-/// The transport of a node's tiles. Farms use the default; the others exist to be measured against
-/// it by `carom-bench transport`.
+/// Options of the transport of a node's tiles. Farms use the default; the others serve for comparison
+/// by `carom-bench transport`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TransportOptions {
     /// The congestion controller.
     pub congestion: CongestionControl,
-    /// Whether tiles travel as datagrams with forward error correction where the path is long and
-    /// loses packets; otherwise all travel on streams.
+    /// Whether tiles travel as datagrams with forward error correction if the path is long and loses packets;
+    /// otherwise all travel on streams.
     pub fec: bool,
 }
 
@@ -112,7 +111,7 @@ impl Default for TransportOptions {
     }
 }
 
-/// The parameters that both sides share.
+/// Parameters that both sides share.
 fn transport(congestion: CongestionControl) -> TransportConfig {
     let mut ack_frequency = AckFrequencyConfig::default();
     ack_frequency.max_ack_delay(Some(ACK_DELAY_MAX));
@@ -124,7 +123,8 @@ fn transport(congestion: CongestionControl) -> TransportConfig {
         .mtu_discovery_config(Some(mtu_discovery))
         .max_idle_timeout(Some(IdleTimeout::from(idle_timeout)))
         .send_window(SEND_WINDOW_BYTES)
-        // Tiles leave in the order in which they were finished, so that not all of them are late.
+        // Tiles leave in the order in which they were finished: sharing the link between their streams would
+        // make all of them late.
         .send_fairness(false)
         .packet_threshold(u32::MAX)
         .time_threshold(TIME_THRESHOLD)
@@ -133,7 +133,7 @@ fn transport(congestion: CongestionControl) -> TransportConfig {
     config
 }
 
-/// The parameters of a player's side: it opens the control stream and receives tiles.
+/// Parameters of a player's side, which opens the control stream and receives tiles.
 fn client_transport() -> TransportConfig {
     let mut config = transport(CongestionControl::default());
     config
@@ -146,7 +146,7 @@ fn client_transport() -> TransportConfig {
     config
 }
 
-/// The parameters of a node's side: it accepts one control stream and sends tiles.
+/// Parameters of a node's side, which accepts one control stream and sends tiles.
 fn server_transport(options: TransportOptions) -> TransportConfig {
     let mut config = transport(options.congestion);
     let received_bytes = options.fec.then_some(REQUEST_DATAGRAMS_RECEIVED_BYTES);
@@ -160,7 +160,7 @@ fn server_transport(options: TransportOptions) -> TransportConfig {
     config
 }
 
-/// The configuration with which a player connects to nodes.
+/// Configuration with which a player connects to nodes.
 ///
 /// # Errors
 /// [`Error::KeyPair`] if the key does not belong to the certificate.
@@ -175,7 +175,7 @@ pub(crate) fn client_config(credentials: &Credentials) -> Result<quinn::ClientCo
     Ok(config)
 }
 
-/// The configuration with which a node accepts players.
+/// Configuration with which a node accepts players.
 ///
 /// # Errors
 /// [`Error::KeyPair`] if the key does not belong to the certificate.
@@ -190,7 +190,7 @@ pub(crate) fn server_config(
         tls::ALPN,
     )?;
     let mut config = bounded(crypto, server_transport(options));
-    // What a change of address costs is counted: `net::migration`.
+    // The cost of changes of address is bounded by `net::migration`.
     config.migration(true);
     Ok(config)
 }
@@ -200,7 +200,7 @@ fn peers(credentials: &Credentials, role: Role) -> Result<PeerVerifier, Error> {
     PeerVerifier::new(&credentials.authority, role, denied).map_err(tls::unusable)
 }
 
-/// The configuration with which an authority answers nodes: one stream each.
+/// Configuration with which an authority answers nodes: one stream each.
 pub(crate) fn enrolment_server_config(crypto: QuicServerConfig) -> quinn::ServerConfig {
     let mut transport = TransportConfig::default();
     transport
@@ -212,7 +212,7 @@ pub(crate) fn enrolment_server_config(crypto: QuicServerConfig) -> quinn::Server
     bounded(crypto, transport)
 }
 
-/// A server that keeps little for strangers.
+/// A server configuration that bounds what is kept for strangers.
 fn bounded(crypto: QuicServerConfig, transport: TransportConfig) -> quinn::ServerConfig {
     let mut config = quinn::ServerConfig::with_crypto(Arc::new(crypto));
     config
@@ -224,7 +224,7 @@ fn bounded(crypto: QuicServerConfig, transport: TransportConfig) -> quinn::Serve
     config
 }
 
-/// Opens a player's socket for peers of `peer`'s address family. Needs a tokio runtime.
+/// Opens a player's socket for the address family of `peer`. Needs a tokio runtime.
 pub(crate) fn open_client(peer: SocketAddr) -> Result<Endpoint, io::Error> {
     let any = match peer {
         SocketAddr::V4(_) => SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0)),
@@ -237,7 +237,7 @@ pub(crate) fn open_client(peer: SocketAddr) -> Result<Endpoint, io::Error> {
 /// Connects to `address` as the side with role `own`.
 ///
 /// # Errors
-/// [`Error::NoAnswer`] or [`Error::Unreachable`] if nobody is there; an error of the connection.
+/// [`Error::NoAnswer`] or [`Error::Unreachable`] if nothing answers there; an error of the connection.
 pub(crate) async fn connect(
     endpoint: &Endpoint,
     config: quinn::ClientConfig,
@@ -257,7 +257,8 @@ pub(crate) async fn connect(
     }
 }
 
-/// Opens a server's socket, whose strangers `handshakes` tells from sources that are known. Needs a tokio runtime.
+/// Opens a server's socket with a filter that distinguishes sources known to `handshakes` from strangers.
+/// Needs a tokio runtime.
 pub(crate) fn open_server(
     address: SocketAddr,
     config: quinn::ServerConfig,
@@ -283,7 +284,7 @@ fn bind(address: SocketAddr) -> Result<UdpSocket, io::Error> {
     Ok(socket)
 }
 
-/// The system may grant less, which only slows long fast paths down.
+/// Requests larger socket buffers. The system may grant less, which only slows down long fast paths.
 fn enlarge_buffers(socket: &UdpSocket) {
     let enlarged = quinn::udp::UdpSocketState::new(socket.into()).and_then(|state| {
         state.set_recv_buffer_size(socket.into(), SOCKET_BYTES)?;

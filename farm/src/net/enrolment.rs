@@ -1,9 +1,9 @@
-//! Enrolment of nodes: a node makes a key, and the farm's authority certifies it over a connection
-//! on which the node knows the authority by its fingerprint.
+//! Enrolment of nodes: a node generates a key, and the farm's authority certifies it over a connection on
+//! which the node recognises the authority by its fingerprint.
 //!
-//! One request and one answer ([`crate::net::enrolment_messages`]). A new node shows the token's secret,
-//! one that renews its certificate shows that certificate. The authority signs the handshake with
-//! its own key, so that nobody else can receive the secret.
+//! One request and one answer ([`crate::net::enrolment_messages`]). A new node presents the token's secret;
+//! one that renews its certificate presents that certificate. The authority signs the handshake with its own
+//! key, so that nobody else can receive the secret.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -29,22 +29,22 @@ use crate::net::join_url::{JoinUrl, fingerprint};
 use crate::net::peer::Role;
 use crate::net::{close_code, connection_error, endpoint, runtime, tls};
 
-/// The protocol of enrolment; another version is another name.
+/// ALPN name of the enrolment protocol; another version gets another name.
 pub(crate) const ALPN: &[u8] = b"carom-join/1";
-/// Bytes of an answer: a deny list of forty thousand keys.
+/// Maximum bytes of an answer: a deny list of forty thousand keys.
 const ANSWER_BYTES_MAX: usize = 4 << 20;
-/// Bytes of a request.
+/// Maximum bytes of a request.
 pub(crate) const REQUEST_BYTES_MAX: usize = 16 << 10;
-/// From the request to its answer.
+/// Maximum time from the request to its answer.
 pub(crate) const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
-/// What a node keeps of its join: where to renew its certificate.
+/// Name of the file in which a node stores the address for renewals.
 const URL_FILE: &str = "farm.url";
 
-/// Makes a key in `folder`, has it certified as a node called `name`, and returns the last day of
-/// the certificate. The key never leaves the folder.
+/// Generates a key in `folder` and has it certified as that of a node called `name`; returns the credentials.
+/// The key never leaves the folder.
 ///
 /// # Errors
-/// [`Error::MemberExists`] if the folder is a node's already; [`Error::JoinUrl`] without a secret;
+/// [`Error::MemberExists`] if the folder is already a node's; [`Error::JoinUrl`] without a secret;
 /// an error of the connection; [`Error::EnrolmentRefused`]; [`Error::CredentialsFile`].
 pub fn join(url: &JoinUrl, name: &str, folder: &Path) -> Result<Credentials, Error> {
     let role = Role::Node;
@@ -71,7 +71,7 @@ pub fn join(url: &JoinUrl, name: &str, folder: &Path) -> Result<Credentials, Err
     }
     let key_path = folder.join(role.key_file());
     if key_path.exists() {
-        // Of a join that was killed: no certificate names it.
+        // Left by a join that was killed: no certificate exists for it.
         std::fs::remove_file(&key_path).map_err(file_error(&key_path))?;
     }
     write_private(&key_path, &Zeroizing::new(key.serialize_pem()))?;
@@ -82,9 +82,9 @@ pub fn join(url: &JoinUrl, name: &str, folder: &Path) -> Result<Credentials, Err
     Credentials::load(folder, role)
 }
 
-/// Asks the authority that a node has joined for its deny list and, when two thirds of the
-/// certificate's life are over, for the next certificate; the list comes even if that is refused. Nothing is asked
-/// where the folder was not made by a join.
+/// Asks the authority that a node has joined for its deny list and, once two thirds of the certificate's
+/// validity are over, for the next certificate; the list is saved even if that is refused. Does nothing if
+/// the folder was not made by a join.
 ///
 /// # Errors
 /// [`Error::JoinUrl`] or a file's error if the folder is damaged; an error of the connection;
@@ -105,7 +105,8 @@ pub(crate) async fn renew(credentials: &Credentials, folder: &Path) -> Result<()
     };
     let request = EnrolmentRequest::Renew { request_pem };
     match ask(&url, Some(credentials), &request).await {
-        // By another clock than the authority's. The deny list is for this node all the same.
+        // Probably the clocks differ: the authority finds the renewal too early. The deny list is fetched all
+        // the same.
         Err(refusal @ Error::EnrolmentRefused(_)) if credentials.is_due() => {
             let request = EnrolmentRequest::Renew { request_pem: None };
             if let Ok(answer) = ask(&url, Some(credentials), &request).await {
@@ -129,7 +130,7 @@ impl Certified {
         }
     }
 
-    /// Saves all but a certificate that peers would refuse in place of `current`, which then stays.
+    /// Saves everything, except a certificate that peers would refuse: `current` is kept then.
     fn save_renewed(mut self, current: &Credentials, folder: &Path) -> Result<(), Error> {
         let check = |pem: &String| current.check_successor(pem);
         let checked = self.certificate_pem.as_ref().map_or(Ok(()), check);
@@ -156,7 +157,7 @@ async fn ask(
     let mut errors = Vec::new();
     for address in url.address.resolve().await? {
         match ask_address(address, client_config(url, credentials)?, request).await {
-            // Of a name's addresses the authority may listen at one.
+            // A name may have several addresses, of which the authority listens at one.
             Err(error @ (Error::NoAnswer(_) | Error::Unreachable { .. })) => errors.push(error),
             answer => return answer,
         }
@@ -178,6 +179,7 @@ async fn ask_address(
         ConnectionError::TimedOut => Error::NoAnswer(address),
         error => refusal(connection_error::connection(&error, Role::Node)),
     };
+    // The reason why the connection was closed explains a failed exchange better than the stream's error.
     let bytes = answer.map_err(|why| connection.close_reason().map_or(why, lost))?;
     connection.close(close_code::DONE, b"");
     endpoint.wait_idle().await;
@@ -196,7 +198,7 @@ async fn exchange(connection: &Connection, request: &EnrolmentRequest) -> Result
     answer.map_err(broken)
 }
 
-/// The other side is an authority, which has no role of its own.
+/// Rephrases an error, since the other side is an authority and has neither of the roles.
 fn refusal(error: Error) -> Error {
     match error {
         Error::CertificateRefused { fault, .. } => {
@@ -219,7 +221,7 @@ fn client_config(
     Ok(quinn::ClientConfig::new(Arc::new(crypto)))
 }
 
-/// Accepts the one authority whose certificate has the fingerprint of the token.
+/// TLS verifier that accepts only the authority whose certificate has the fingerprint in the token.
 #[derive(Debug)]
 struct PinnedAuthority {
     fingerprint: String,
@@ -297,7 +299,7 @@ mod tests {
         saved.unwrap();
         let deny_list = folder.path().join(DENY_LIST_FILE);
         std::fs::remove_file(&deny_list).unwrap();
-        // By an authority whose clock is three days ahead.
+        // Issued by an authority whose clock is three days ahead.
         let ahead = SystemTime::now() + 2 * DAY;
         let (_, refused) = replace(ahead..ahead + 30 * DAY);
         assert!(matches!(

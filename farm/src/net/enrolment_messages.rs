@@ -6,79 +6,79 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
-/// What a node asks of the authority.
+/// Request of a node to the authority.
 #[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum EnrolmentRequest {
-    /// To be admitted.
+    /// Admits a new node.
     Join {
-        /// The token's.
+        /// The secret of the token.
         secret: String,
-        /// What the node is to be called.
+        /// The name of the node.
         name: String,
         /// A certificate signing request (RFC 2986) as PEM text.
         request_pem: String,
     },
-    /// The deny list, and a new certificate of the same key if there is a request for one.
+    /// Asks for the deny list, and for a new certificate of the same key if there is a signing request.
     Renew {
-        /// As of [`EnrolmentRequest::Join`].
+        /// As in [`EnrolmentRequest::Join`].
         request_pem: Option<String>,
     },
 }
 
-/// The answer.
+/// Answer of the authority.
 #[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum EnrolmentAnswer {
-    /// What was asked for.
+    /// The request is granted.
     Certified(Certified),
-    /// Nothing.
+    /// The request is refused.
     Refused {
-        /// Why.
+        /// The reason.
         sentence: String,
     },
 }
 
-/// What the authority has certified.
+/// Content of a granted request.
 #[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Certified {
     /// The authority's certificate.
     pub authority_pem: String,
-    /// The node's, if it asked for one.
+    /// The node's certificate, if it asked for one.
     pub certificate_pem: Option<String>,
     /// The text of the deny list.
     pub deny_list: String,
 }
 
 impl EnrolmentRequest {
-    /// The request in JSON; the parser's reason is not told, which would repeat a stranger's text.
+    /// Parses a request in JSON. The error hides the parser's reason, which would repeat a stranger's text.
     ///
     /// # Errors
-    /// [`Error::ConnectionBroken`] if it is none.
+    /// [`Error::ConnectionBroken`] if it is no request.
     pub fn from_json(bytes: &[u8]) -> Result<Self, Error> {
         serde_json::from_slice(bytes).map_err(|_| broken("what was sent is not a request"))
     }
 
-    /// The request as JSON.
+    /// Serialises the request as JSON.
     ///
     /// # Errors
-    /// None is known: those of the JSON library.
+    /// Those of the JSON library, of which none is known to occur.
     pub fn to_json(&self) -> Result<Vec<u8>, Error> {
         serde_json::to_vec(self).map_err(broken)
     }
 }
 
 impl EnrolmentAnswer {
-    /// The answer in JSON.
+    /// Parses an answer in JSON.
     ///
     /// # Errors
-    /// [`Error::ConnectionBroken`] if it is none.
+    /// [`Error::ConnectionBroken`] if it is no answer.
     pub fn from_json(bytes: &[u8]) -> Result<Self, Error> {
         serde_json::from_slice(bytes).map_err(broken)
     }
 
-    /// The answer as JSON.
+    /// Serialises the answer as JSON.
     ///
     /// # Errors
-    /// None is known: those of the JSON library.
+    /// Those of the JSON library, of which none is known to occur.
     pub fn to_json(&self) -> Result<Vec<u8>, Error> {
         serde_json::to_vec(self).map_err(broken)
     }

@@ -1,4 +1,4 @@
-//! Service of a farm's authority: admits nodes that show its token, and renews certificates.
+//! Enrolment service of a farm's authority: admits nodes that present its token, and renews certificates.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
@@ -25,14 +25,14 @@ use crate::net::{
 };
 use crate::token_bucket::TokenBucket;
 
-/// What the service has done, for its operator.
+/// Event of the service, for its operator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum EnrolmentEvent {
     /// A node has joined.
     Joined {
         /// Its name.
         name: String,
-        /// Nodes that may still join.
+        /// Number of nodes that may still join.
         uses_left: u32,
     },
     /// A node's certificate was renewed.
@@ -40,16 +40,16 @@ pub enum EnrolmentEvent {
         /// Its name.
         name: String,
     },
-    /// Somebody was refused.
+    /// A request or connection was refused.
     Refused {
-        /// The address.
+        /// The address of the peer.
         from: SocketAddr,
-        /// Why.
+        /// The reason.
         why: String,
     },
 }
 
-/// The open socket of an authority.
+/// Enrolment service with its open socket.
 pub struct EnrolmentService {
     runtime: Runtime,
     endpoint: Endpoint,
@@ -57,23 +57,23 @@ pub struct EnrolmentService {
     state: Arc<EnrolmentState>,
 }
 
-/// What all connections share.
+/// State shared by all connections.
 struct EnrolmentState {
     folder: AuthorityFolder,
-    /// SHA-256 of the secret: equality of hashes tells a guesser nothing of the secret.
+    /// SHA-256 of the secret: the time to compare hashes tells an attacker nothing about the secret.
     secret_hash: String,
     uses_left: Mutex<u32>,
-    /// Told when the last use is spent.
+    /// Notified when the last use is spent.
     spent: Notify,
     handshakes: Handshakes,
 }
 
 impl EnrolmentService {
-    /// Opens the socket, and makes a token for `uses` nodes.
+    /// Opens the socket, and creates a token for `uses` nodes.
     ///
     /// # Errors
-    /// [`Error::KeyPair`] if the authority cannot be used, [`Error::Socket`] if the address is in
-    /// use or does not belong to this machine.
+    /// [`Error::KeyPair`] if the authority is unusable, [`Error::Socket`] if the address is in use or does
+    /// not belong to this machine.
     pub fn bind(
         address: SocketAddr,
         folder: AuthorityFolder,
@@ -112,7 +112,7 @@ impl EnrolmentService {
         Ok((service, url))
     }
 
-    /// Serves until `time` is over, Ctrl-C or SIGTERM, or until the last use is spent.
+    /// Serves until `time` has passed, until Ctrl-C or SIGTERM, or until the last use is spent.
     pub fn serve(
         self,
         time: Duration,
@@ -132,7 +132,7 @@ impl EnrolmentService {
                 () = signals.recv() => {}
                 () = tokio::time::sleep_until(until) => {}
             }
-            // The last answer may be on its way.
+            // The last answer may still be on its way.
             let _ = tokio::time::timeout(ANSWER_TIMEOUT, endpoint.wait_idle()).await;
         });
     }
@@ -173,7 +173,7 @@ async fn accept(
             let Err(error) = served.unwrap_or(Err(Error::HandshakeTimeout)) else {
                 return;
             };
-            // Whoever has no certificate can be refused as often as he likes.
+            // Refusals can be provoked without limit, without any certificate: their events are rate-limited.
             let now = Instant::now();
             let free = lock(&lines).try_take(now);
             let counts = state.handshakes.fail(now);
@@ -187,12 +187,13 @@ async fn accept(
     }
 }
 
-/// Refusals told one by one before those of a minute share a line, and seconds until another may be.
+/// Refusals reported one by one before those of a minute share an event.
 const REFUSALS_TOLD: f64 = 8.0;
+/// Seconds until another refusal may be reported on its own.
 const REFUSAL_SECS: f64 = 15.0;
 
 impl EnrolmentState {
-    /// Answers the one request of a connection.
+    /// Answers the single request of a connection.
     async fn serve(
         &self,
         incoming: Incoming,
@@ -221,7 +222,7 @@ impl EnrolmentState {
             }
             Err(why) => Err(why),
         };
-        // The node closes once it has the answer.
+        // The node closes the connection once it has the answer.
         let _ = tokio::time::timeout(ANSWER_TIMEOUT, connection.closed()).await;
         connection.close(close_code::DONE, b"");
         refusal
@@ -262,8 +263,9 @@ impl EnrolmentState {
         Ok((EnrolmentAnswer::Certified(certified), event))
     }
 
-    /// A use is spent only by a node that is certified.
+    /// Admits a node. A use of the token is spent only if a certificate is issued.
     fn join(&self, secret: &str, name: &str, request_pem: &str) -> Result<(String, u32), Error> {
+        // Locked throughout, so that concurrent joins cannot exceed the uses.
         let mut uses_left = lock(&self.uses_left);
         if certificate_fields::sha256(secret.as_bytes()) != self.secret_hash || *uses_left == 0 {
             let why = "the token is not valid: ask for another by `carom-farm token`";
@@ -278,7 +280,7 @@ impl EnrolmentState {
     }
 }
 
-/// The certificate that a client has shown, which the handshake has checked.
+/// The certificate that a client has presented, already verified by the handshake.
 fn shown_certificate(connection: &Connection) -> Result<CertificateDer<'static>, Error> {
     let missing = Error::PeerCertificate(CertificateFault::Missing);
     certificate_fields::peer_certificate(connection).ok_or(missing)

@@ -1,4 +1,4 @@
-//! Folders of a farm: that of its authority, made by `init`, and those of its nodes and players.
+//! Folders of a farm: the authority's, made by `init`, and those of its nodes and players.
 //!
 //! ```text
 //! .carom   ca.pem ca.key issued.jsonl revoked.txt   the authority; its key may be encrypted
@@ -24,7 +24,7 @@ use crate::net::deny_list::DENY_LIST_FILE;
 use crate::net::issuance::{IssuanceLog, IssuanceRecord};
 use crate::net::peer::Role;
 
-/// Bytes of a name: a host name's label has as many.
+/// Maximum bytes of a name: as in a label of a host name.
 const NAME_BYTES_MAX: usize = 63;
 
 /// The folder of a farm's authority, opened with its key.
@@ -43,11 +43,10 @@ pub fn create_farm(dir: &Path) -> Result<(), Error> {
     AuthorityFolder::create(dir, None, Some(FIRST_PLAYER)).map(drop)
 }
 
-/// The name of the player that a farm begins with.
+/// Name of the first player of a farm.
 pub const FIRST_PLAYER: &str = "player";
 
-/// Creates the folder of a node, as [`AuthorityFolder::add`] with an authority whose key is not
-/// encrypted.
+/// Creates the folder of a node, as [`AuthorityFolder::add`] with an authority whose key is not encrypted.
 ///
 /// # Errors
 /// As [`AuthorityFolder::open`] and [`AuthorityFolder::add`].
@@ -56,8 +55,8 @@ pub fn add_node(dir: &Path, name: &str, out: Option<&Path>, renew: bool) -> Resu
     AuthorityFolder::open(dir, None)?.add(Role::Node, name, out, renew)
 }
 
-/// Puts all valid certificates of `name` on the deny list of the authority in `dir`, and returns
-/// them. Needs no key.
+/// Puts all valid certificates of `name` on the deny list of the authority in `dir`, and returns them. Needs
+/// no key.
 ///
 /// # Errors
 /// [`Error::CredentialsMissing`] if `dir` holds no authority; [`Error::NothingToRevoke`];
@@ -68,9 +67,8 @@ pub fn revoke(dir: &Path, name: &str) -> Result<Vec<IssuanceRecord>, Error> {
 }
 
 impl AuthorityFolder {
-    /// Creates an authority in a folder that is new or empty, its key encrypted if there is a
-    /// passphrase, and a player of the name `player` beside it. The folder appears whole or not at
-    /// all.
+    /// Creates an authority in a new or empty folder, with its key encrypted if there is a passphrase, and
+    /// beside it a player called `player`. The folder appears completely or not at all.
     ///
     /// # Errors
     /// [`Error::FarmExists`], or [`Error::CredentialsFile`] if the folder cannot be written.
@@ -86,14 +84,14 @@ impl AuthorityFolder {
             }
         }
         if dir.exists() {
-            // Only an empty folder can be removed.
+            // Fails unless the folder is empty.
             fs::remove_dir(dir).map_err(file_error(dir))?;
         }
         let mut staged = dir.file_name().unwrap_or_default().to_owned();
         staged.push(".init");
         let staged = dir.with_file_name(staged);
         if staged.exists() {
-            // An `init` was killed: nobody has used what it left.
+            // Left by an `init` that was killed; nobody uses it.
             fs::remove_dir_all(&staged).map_err(file_error(&staged))?;
         }
         create_private_dir(&staged)?;
@@ -139,9 +137,9 @@ impl AuthorityFolder {
         self.authority.certificate_pem()
     }
 
-    /// Creates or renews a folder with the authority's certificate, a key and its certificate, and
-    /// returns it. Without `out` it is `nodes/NAME` or `players/NAME`; the player of this folder is
-    /// renewed in its place.
+    /// Creates or renews a folder with the authority's certificate, a key and its certificate, and returns
+    /// it. Without `out` it is `nodes/NAME` or `players/NAME`, except for the player of this folder, who is
+    /// renewed in it.
     ///
     /// # Errors
     /// [`Error::MemberName`]; [`Error::MemberExists`] if the name has a valid certificate or the
@@ -178,6 +176,7 @@ impl AuthorityFolder {
             create_private_dir(&out)?;
         }
         let issued = self.authority.issue(role, name, lasting(role.life()))?;
+        // Recorded before the key is written, so that no usable certificate is unrecorded.
         self.log.append(&issued.certificate_der()?, role)?;
         save(&out, role, self.certificate_pem(), &issued)?;
         let denied = self.log.deny_list_text()?;
@@ -187,11 +186,11 @@ impl AuthorityFolder {
         Ok(out)
     }
 
-    /// Certifies a key that lies elsewhere for a new node, and returns the certificate as PEM text.
+    /// Certifies the key of a new node, which is kept elsewhere, and returns the certificate as PEM text.
     ///
     /// # Errors
-    /// [`Error::MemberName`], [`Error::MemberExists`], [`Error::CertificateCreation`] if the
-    /// request is none, [`Error::CredentialsFile`].
+    /// [`Error::MemberName`], [`Error::MemberExists`], [`Error::CertificateCreation`] if the text is no
+    /// signing request, [`Error::CredentialsFile`].
     pub(crate) fn admit(&self, name: &str, request_pem: &str) -> Result<String, Error> {
         let role = Role::Node;
         let _lock = self.log.lock()?;
@@ -204,12 +203,12 @@ impl AuthorityFolder {
         Ok(issued.pem())
     }
 
-    /// Certifies the key of the certificate `shown` once more, and returns the certificate as PEM text.
+    /// Certifies the key of the certificate `shown` again, and returns the certificate as PEM text.
     ///
     /// # Errors
-    /// [`Error::EnrolmentRefused`] if the request is of another key, if the key has been revoked, or if the latest
-    /// certificate of the key is not in its last third; [`Error::CertificateCreation`] if the request is none;
-    /// [`Error::CredentialsFile`].
+    /// [`Error::EnrolmentRefused`] if the request is for another key, if the key has been revoked, or if the
+    /// latest certificate of the key is not in its last third; [`Error::CertificateCreation`] if the text is
+    /// no signing request; [`Error::CredentialsFile`].
     pub(crate) fn renew(
         &self,
         shown: &CertificateDer<'_>,
@@ -220,7 +219,7 @@ impl AuthorityFolder {
         let name = certificate_fields::common_name(shown).map_err(Error::PeerCertificate)?;
         let key_id = certificate_fields::key_id(shown).map_err(Error::PeerCertificate)?;
         let _lock = self.log.lock()?;
-        // The handshake has looked, but before this lock was held.
+        // The handshake has checked it, but before this lock was held.
         if self.log.deny_list_text()?.contains(&key_id) {
             return refused(format!("the certificate of {name} has been revoked"));
         }
@@ -247,7 +246,7 @@ impl AuthorityFolder {
         Ok(issued.pem())
     }
 
-    /// Two holders of one name could not be told apart, nor revoked alone.
+    /// Checks that nobody holds the name, since two holders could not be distinguished or revoked separately.
     fn check_new(&self, role: Role, name: &str, advice: &'static str) -> Result<(), Error> {
         let current = self.log.current(name)?;
         match current.iter().rfind(|record| record.role == role) {
@@ -262,7 +261,7 @@ impl AuthorityFolder {
         }
     }
 
-    /// Whether the player of this folder, made by `init`, is called so.
+    /// Whether the player of this folder, made by `init`, has this name.
     fn holds_player(&self, role: Role, name: &str) -> bool {
         let certificate = self.dir.join(role.certificate_file());
         role == Role::Player
@@ -270,10 +269,10 @@ impl AuthorityFolder {
     }
 }
 
-/// Whether a node or player can be called so.
+/// Checks the name of a node or player.
 ///
 /// # Errors
-/// [`Error::MemberName`].
+/// [`Error::MemberName`] if it is not allowed.
 #[doc(hidden)]
 pub fn check_name(name: &str) -> Result<(), Error> {
     let first_is_plain = name.starts_with(|c: char| c.is_ascii_alphanumeric());
@@ -287,7 +286,7 @@ pub fn check_name(name: &str) -> Result<(), Error> {
     })
 }
 
-/// Writes a folder's key, its certificate, and the authority's.
+/// Writes a key, its certificate and the authority's certificate to a folder.
 fn save(
     dir: &Path,
     role: Role,
@@ -366,7 +365,7 @@ mod tests {
                 "{refused}"
             );
         }
-        // A node that joins may ask for any: its operator is told a sentence, not a page.
+        // A joining node may ask for any name: its operator gets a sentence about it, not a page.
         let told = check_name(&"\u{1b}".repeat(16_000))
             .unwrap_err()
             .to_string();
@@ -436,7 +435,7 @@ mod tests {
         let bob = folder.add(Role::Player, "bob", None, false).unwrap();
         folder.add(Role::Player, "bob", None, true).unwrap();
         folder.add(Role::Player, FIRST_PLAYER, None, true).unwrap();
-        // Another copy for the same name would be unknown to whoever revokes it.
+        // A second certificate under the same name would be unknown to whoever revokes the name.
         let twice = folder.add(Role::Player, "bob", Some(&dir.path().join("x")), false);
         assert!(twice.unwrap_err().to_string().contains("--renew"));
         let records = folder.log.records().unwrap();

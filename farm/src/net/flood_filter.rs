@@ -1,8 +1,8 @@
-//! A socket that drops what strangers send beyond a rate, before it costs cryptography.
+//! Socket that drops packets of strangers beyond a rate, before they cost cryptography.
 //!
-//! Whoever opens a connection sends Initial packets (RFC 9000, 17.2.2), from any address that he likes to write on
-//! them. Each costs a key derivation and a decryption before a node can decide not to answer: some 20 times what it
-//! takes to receive it and look at its first byte. Packets of connections that exist are not touched.
+//! A connection is opened by Initial packets (RFC 9000, 17.2.2), whose source address can be forged. Each
+//! costs a key derivation and a decryption before a node can decide not to answer: some 20 times the cost of
+//! receiving it and inspecting its first byte. Packets of existing connections are not touched.
 
 use std::hash::{BuildHasher, RandomState};
 use std::io::{self, IoSliceMut};
@@ -19,24 +19,24 @@ use super::handshakes::{Handshakes, source};
 use crate::lock::lock;
 use crate::token_bucket::TokenBucket;
 
-/// Packets a second of all strangers, and again of all sources that players have come from. A handshake has two to
-/// four; a hundred players that come back at once fit into the burst.
+/// Packets per second from all strangers together, and again from all sources of earlier players. A handshake
+/// has two to four; a hundred players that return at once fit into the burst.
 const PER_SEC: f64 = 500.0;
 const BURST: f64 = 500.0;
-/// Of the sources that share one of [`SOURCE_BUCKETS`].
+/// Packets per second from the sources that share one of [`SOURCE_BUCKETS`].
 const SOURCE_PER_SEC: f64 = 100.0;
 const SOURCE_BURST: f64 = 200.0;
-/// Sources are told apart by a hash with a secret key: 40 kB whoever comes.
+/// Number of buckets, to which sources are assigned by a keyed hash: 40 kB, whatever the number of sources.
 const SOURCE_BUCKETS: usize = 1024;
 
-/// A socket behind a [`FloodFilter`].
+/// UDP socket behind a [`FloodFilter`].
 #[derive(Debug)]
 pub(super) struct FilteredSocket {
     socket: Arc<dyn AsyncUdpSocket>,
     filter: Mutex<FloodFilter>,
 }
 
-/// Decides which packets that may open a connection are looked at.
+/// Filter that decides which packets that may open a connection are processed.
 #[derive(Debug)]
 struct FloodFilter {
     handshakes: Handshakes,
@@ -45,7 +45,7 @@ struct FloodFilter {
     hash: RandomState,
 }
 
-/// What many sources may send together, and each of them.
+/// Budget of many sources together, and of each of them.
 #[derive(Debug)]
 struct PacketBudget {
     all: TokenBucket,
@@ -53,7 +53,7 @@ struct PacketBudget {
 }
 
 impl FilteredSocket {
-    /// Filters what `socket` receives; sources that `handshakes` knows have a rate of their own.
+    /// Filters what `socket` receives; sources known to `handshakes` have a budget of their own.
     pub(super) fn new(socket: Arc<dyn AsyncUdpSocket>, handshakes: Handshakes) -> Self {
         let filter = Mutex::new(FloodFilter::new(handshakes, Instant::now()));
         Self { socket, filter }
@@ -81,7 +81,7 @@ impl AsyncUdpSocket for FilteredSocket {
             if opens_connections(&buffer[..meta.len]) {
                 let (filter, now) =
                     filter.get_or_insert_with(|| (lock(&self.filter), Instant::now()));
-                // The kernel hands over packets of one source that came together as one.
+                // Coalesced by the kernel (GRO): several packets of one source in one buffer.
                 let packets = meta.len.div_ceil(meta.stride.max(1));
                 if !filter.admits(*now, meta.addr.ip(), packets) {
                     meta.len = 0;
@@ -108,8 +108,8 @@ impl AsyncUdpSocket for FilteredSocket {
     }
 }
 
-/// Whether a datagram begins with a long header other than that of a Handshake packet (RFC 9000, 17.2): all
-/// that a node may answer without a connection, but for stateless resets.
+/// Whether a datagram begins with a long header other than that of a Handshake packet (RFC 9000, 17.2): the
+/// only datagrams that a node may answer without a connection, except by stateless resets.
 fn opens_connections(datagram: &[u8]) -> bool {
     const LONG_HEADER: u8 = 0x80;
     const TYPE: u8 = 0x30;
@@ -137,17 +137,18 @@ impl FloodFilter {
         }
     }
 
-    /// Whether so many packets of a source may be looked at.
+    /// Whether this many packets of a source may be processed.
     fn admits(&mut self, now: Instant, address: IpAddr, packets: usize) -> bool {
         let slot = self.bucket_of(address);
         let budget = match self.handshakes.knows(source(address)) {
             true => &mut self.known,
             false => &mut self.strangers,
         };
+        // The source's own bucket comes first, so that one flooding source does not drain the common bucket.
         (0..packets).all(|_| budget.sources[slot].try_take(now) && budget.all.try_take(now))
     }
 
-    /// The index of the bucket that an address draws from with about one source in [`SOURCE_BUCKETS`].
+    /// The bucket of an address, shared with about one source in [`SOURCE_BUCKETS`].
     fn bucket_of(&self, address: IpAddr) -> usize {
         self.hash.hash_one(source(address)) as usize % SOURCE_BUCKETS
     }
@@ -201,7 +202,8 @@ mod tests {
         assert_eq!(admitted(&mut filter, start, of_one), SOURCE_BURST as usize);
         let bucket = |source: u32| filter.bucket_of(IpAddr::from(source.to_be_bytes()));
         let shares = |source: &u32| bucket(*source) == bucket(7);
-        // Ten of them on average; the hash is secret, and more than 40 a matter of 1 in 10^12.
+        // On average ten of them share a bucket; with a secret hash, more than 40 have a probability of 1 in
+        // 10^12.
         assert!((100..10_340).filter(shares).count() <= 40);
         let others: Vec<u32> = (100..).filter(|source| !shares(source)).take(100).collect();
         assert_eq!(admitted(&mut filter, start, others.into_iter()), 100);

@@ -1,4 +1,4 @@
-//! Bounds on the handshakes that a node performs at once: in all, and for each source.
+//! Bounds on the concurrent handshakes of a node: in total and per source.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::net::{IpAddr, Ipv6Addr};
@@ -9,37 +9,37 @@ use tokio::sync::Notify;
 
 use crate::lock::lock;
 
-/// Handshakes that a node performs at once.
+/// Maximum concurrent handshakes of a node.
 const HANDSHAKES_MAX: usize = 32;
-/// Of them, those kept for sources that players have come from before.
+/// Handshakes of those reserved for sources from which players have come before.
 const RESERVED: usize = 8;
-/// Handshakes of one source: more than [`UNVALIDATED_MAX`], so that packets with a forged address
+/// Concurrent handshakes per source: more than [`UNVALIDATED_MAX`], so that packets with a forged address
 /// cannot use up what the address's owner may have.
 const PER_SOURCE_MAX: usize = 12;
-/// Above this number, strangers must validate their address first (RFC 9000, 8.1.2), which costs
-/// them a round trip.
+/// Above this number of handshakes, strangers must first validate their address (RFC 9000, 8.1.2), which
+/// costs them a round trip.
 const UNVALIDATED_MAX: usize = 8;
-/// Sources that are remembered.
+/// Number of remembered sources.
 const KNOWN_MAX: usize = 256;
-/// The time between two warnings.
+/// Minimum time between two warnings.
 const WARNING_INTERVAL: Duration = Duration::from_secs(60);
 
-/// The handshakes of one node.
+/// Table of the handshakes of one node, shared by its tasks.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Handshakes(Arc<Mutex<HandshakeTable>>);
 
 #[derive(Debug, Default)]
 struct HandshakeTable {
-    /// Under way, of each source, oldest first.
+    /// Handshakes in progress per source, the oldest first.
     pending: BTreeMap<IpAddr, VecDeque<Arc<Notify>>>,
-    /// The sources that players came from last.
+    /// The sources of the last players.
     known: VecDeque<IpAddr>,
     failed: usize,
     ignored: usize,
     warned: Option<Instant>,
 }
 
-/// A handshake under way, until it is dropped.
+/// Handshake in progress, counted until it is dropped.
 #[derive(Debug)]
 pub(crate) struct PendingHandshake {
     source: IpAddr,
@@ -48,11 +48,13 @@ pub(crate) struct PendingHandshake {
 }
 
 impl Handshakes {
-    /// Counts another handshake, if it may be begun. Where all places are taken, the oldest handshake of the source with
-    /// the most of them gives way to one of a source with fewer: who holds many places cannot keep them.
+    /// Registers another handshake, if it may begin. If all places are taken, the oldest handshake of the
+    /// source with the most of them is evicted for a source with fewer: no source can hold many places for
+    /// long.
     pub(crate) fn begin(&self, address: IpAddr) -> Option<PendingHandshake> {
         let source = source(address);
         let mut table = lock(&self.0);
+        // Strangers leave the reserved places free.
         let limit = match table.known.contains(&source) {
             true => HANDSHAKES_MAX,
             false => HANDSHAKES_MAX - RESERVED,
@@ -74,17 +76,17 @@ impl Handshakes {
         })
     }
 
-    /// Whether players have come from a [`source`] before.
+    /// Whether players have come from this [`source`] before.
     pub(super) fn knows(&self, source: IpAddr) -> bool {
         lock(&self.0).known.contains(&source)
     }
 
-    /// Whether so many are under way that strangers must validate their addresses.
+    /// Whether so many handshakes are in progress that strangers must validate their addresses.
     pub(crate) fn must_validate(&self) -> bool {
         lock(&self.0).count() > UNVALIDATED_MAX
     }
 
-    /// Counts a handshake that failed. Once a minute at the most, a sentence for the log.
+    /// Counts a failed handshake. Returns a sentence for the log, at most once a minute.
     pub(crate) fn fail(&self, now: Instant) -> Option<String> {
         let mut table = lock(&self.0);
         table.failed += 1;
@@ -110,8 +112,9 @@ impl HandshakeTable {
         self.pending.values().map(VecDeque::len).sum()
     }
 
-    /// Ends the oldest handshake of the source with the most of them, if it would still have as many as a source that
-    /// has `of_source` and gets one more.
+    /// Evicts the oldest handshake of the source with the most of them, if it would still have at least as
+    /// many as a source that has `of_source` and gets one more. Without this condition two sources could
+    /// evict each other in turn.
     fn evict_for(&mut self, of_source: usize) -> bool {
         let fullest = self
             .pending
@@ -128,12 +131,12 @@ impl HandshakeTable {
 }
 
 impl PendingHandshake {
-    /// Returns once another handshake has taken the place of this one.
+    /// Completes once another handshake has taken the place of this one.
     pub(crate) async fn evicted(&self) {
         self.evicted.notified().await;
     }
 
-    /// Remembers the source as one that players come from.
+    /// Remembers the source as one from which players come.
     pub(crate) fn succeed(&self) {
         let mut table = lock(&self.handshakes.0);
         table.known.retain(|known| *known != self.source);
@@ -156,7 +159,7 @@ impl Drop for PendingHandshake {
     }
 }
 
-/// What one stranger may have: an address of IPv4, a /56 of IPv6.
+/// The unit in which sources are counted: an IPv4 address, or a /56 of IPv6, as one subscriber may have.
 pub(super) fn source(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(address) => {
@@ -184,7 +187,7 @@ mod tests {
         let network = |host: u16| IpAddr::from([0x2001, 0xdb8, 0, host & 0xff, 0, 0, 0, host]);
         let from_network: Vec<_> = (0..99).filter_map(|host| begin(network(host))).collect();
         assert_eq!(from_network.len(), PER_SOURCE_MAX);
-        // An IPv4 address is the same source behind a socket of IPv6.
+        // An IPv4-mapped IPv6 address is the same source as the IPv4 address.
         assert!(begin("::ffff:192.0.2.1".parse().unwrap()).is_none());
         drop(from_one);
         assert!(begin(v4(1)).is_some());
@@ -217,7 +220,7 @@ mod tests {
             evicted += usize::from(told.is_ok());
         }
         assert_eq!(evicted, 1);
-        // Those that hold many cannot take the place back.
+        // The source with many handshakes cannot take the place back.
         let back: Vec<_> = (0..99).filter_map(|_| handshakes.begin(v4(0))).collect();
         assert!(back.len() <= 1, "{}", back.len());
         let told = tokio::time::timeout(Duration::ZERO, newcomer.evicted()).await;

@@ -1,4 +1,4 @@
-//! Record of the certificates that a farm's authority has issued: a line of JSON each.
+//! Log of the certificates that a farm's authority has issued, one JSON object per line.
 
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
@@ -17,34 +17,34 @@ use crate::net::credential_files::{file_error, write_whole};
 use crate::net::deny_list::{DENY_LIST_FILE, DenyList};
 use crate::net::peer::{CertificateFault, Role};
 
-/// A certificate that was issued.
+/// Record of an issued certificate.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct IssuanceRecord {
     /// The holder's name.
     pub name: String,
-    /// What it may do.
+    /// The role that it grants.
     pub role: Role,
     /// The certificate's serial number, in hexadecimal.
     pub serial: String,
-    /// SHA-256 of the public key, in hexadecimal: what a deny list names.
+    /// SHA-256 of the public key in hexadecimal, by which a deny list identifies it.
     pub key_id: String,
-    /// The first second of its validity, since 1970.
+    /// Beginning of its validity, in seconds since 1970.
     pub not_before_unix_secs: u64,
-    /// The last second of its validity, since 1970.
+    /// End of its validity, in seconds since 1970.
     pub not_after_unix_secs: u64,
 }
 
-/// The record and the deny list in the folder of an authority.
+/// Log and deny list in the folder of an authority.
 #[derive(Debug)]
 pub(crate) struct IssuanceLog {
     dir: PathBuf,
 }
 
-/// A revoked key is remembered so long after its certificate has expired: the clock here may be ahead of a node's, or
-/// be set back.
+/// Time after a certificate's expiry for which its revoked key is remembered: the clock here may be ahead of
+/// a node's, or be set back.
 const CLOCK_ERROR_MAX: Duration = Duration::from_secs(366 * 86_400);
 const LOG_FILE: &str = "issued.jsonl";
-/// Locked while record or deny list is changed.
+/// Locked while log or deny list is changed.
 const LOCK_FILE: &str = "issued.lock";
 
 impl IssuanceRecord {
@@ -68,14 +68,14 @@ impl IssuanceRecord {
 
     fn lasts_until(&self, time: SystemTime) -> bool {
         let time = time.duration_since(SystemTime::UNIX_EPOCH);
-        // A clock that has not been set may show a time before 1970, when everything lasts.
+        // A clock that has not been set may show a time before 1970, before the end of every certificate.
         time.map_or(true, |time| time.as_secs() <= self.not_after_unix_secs)
     }
 }
 
 impl IssuanceLog {
-    /// The record of the authority in `dir`. Where there is none yet, it begins with the certificates
-    /// that lie in the folder: farms were without a record once.
+    /// The log of the authority in `dir`. If it has none, it begins with the certificates found in the
+    /// folder, as for farms created by versions without a log.
     ///
     /// # Errors
     /// [`Error::CredentialsFile`] if the folder cannot be read or written.
@@ -100,10 +100,10 @@ impl IssuanceLog {
         Ok(log)
     }
 
-    /// Keeps other processes and threads from changing record and deny list, until the file is dropped.
+    /// Excludes other processes and threads from changing log and deny list, until the file is dropped.
     ///
     /// # Errors
-    /// [`Error::CredentialsFile`] if the lock cannot be had.
+    /// [`Error::CredentialsFile`] if the lock cannot be taken.
     pub(crate) fn lock(&self) -> Result<File, Error> {
         let path = self.dir.join(LOCK_FILE);
         let mut options = OpenOptions::new();
@@ -112,7 +112,7 @@ impl IssuanceLog {
         locked.map_err(file_error(&path))
     }
 
-    /// The days of the certificate of a key that ends last.
+    /// The validity of the certificate of a key that expires last.
     ///
     /// # Errors
     /// As [`IssuanceLog::records`].
@@ -127,7 +127,7 @@ impl IssuanceLog {
         )
     }
 
-    /// Adds a certificate, before its holder has it: nothing that is valid is unrecorded.
+    /// Records a certificate before it is handed to its holder, so that no valid one is unrecorded.
     ///
     /// # Errors
     /// [`Error::CredentialsFile`] if the file cannot be written.
@@ -146,8 +146,8 @@ impl IssuanceLog {
         .map_err(file_error(&path))
     }
 
-    /// All that was issued, oldest first. A line that is damaged is reported and passed over: it must
-    /// not keep anybody's trust from being withdrawn.
+    /// All issued certificates, the oldest first. A damaged line is reported and skipped: it must not prevent
+    /// other certificates from being revoked.
     ///
     /// # Errors
     /// [`Error::CredentialsFile`] if the file cannot be read.
@@ -186,8 +186,8 @@ impl IssuanceLog {
         Ok(records)
     }
 
-    /// Puts the keys of `name` on the deny list, and returns what they had been certified for. Certificates that have
-    /// expired within a year count: by other machines' clocks they may be valid.
+    /// Puts the keys of `name` on the deny list, and returns their records. Certificates that have expired
+    /// within the last year are included: by the clocks of other machines they may be valid.
     ///
     /// # Errors
     /// [`Error::NothingToRevoke`] if `name` has no such certificate; as [`IssuanceLog::records`].
@@ -218,8 +218,8 @@ impl IssuanceLog {
         Ok(revoked)
     }
 
-    /// A deny list without the keys whose certificates expired long ago, which nobody accepts anyhow: nodes fetch the
-    /// list whole, and it must not grow for ever.
+    /// A deny list without the keys whose certificates expired long ago and which nobody accepts any more:
+    /// nodes download the whole list, which must not grow for ever.
     fn without_expired(&self, deny_list: &str, long_ago: SystemTime) -> Result<String, Error> {
         let mut is_current: HashMap<String, bool> = HashMap::new();
         for record in self.records()? {
@@ -228,14 +228,14 @@ impl IssuanceLog {
         }
         let counts = |line: &&str| {
             let key_id = line.split_whitespace().next();
-            // A key that the record does not know was put there by hand.
+            // A key without a record was added by hand.
             key_id.is_none_or(|key_id| is_current.get(key_id).copied().unwrap_or(true))
         };
         let lines = deny_list.lines().filter(counts);
         Ok(lines.map(|line| format!("{line}\n")).collect())
     }
 
-    /// The deny list as its file has it.
+    /// The text of the deny list's file; empty without one.
     ///
     /// # Errors
     /// [`Error::CredentialsFile`] if it cannot be read.
@@ -260,8 +260,8 @@ impl IssuanceLog {
     }
 }
 
-/// The records in a line, and whether there is anything else: a record that was cut off while it was
-/// written has the next one in its line.
+/// The records in a line, and whether it contains anything else. A record whose writing was interrupted has
+/// no line end, so the next record follows it in the same line.
 fn records_of_line(line: &[u8]) -> (Vec<IssuanceRecord>, bool) {
     let line = line.trim_ascii();
     if line.is_empty() {
@@ -272,6 +272,7 @@ fn records_of_line(line: &[u8]) -> (Vec<IssuanceRecord>, bool) {
     }
     let mut whole = Vec::new();
     let mut is_damaged = !line.starts_with(b"{");
+    // Records are flat and names contain no brace, so each brace begins a record.
     for part in line.split(|&byte| byte == b'{').skip(1) {
         match serde_json::from_slice(&[b"{", part].concat()) {
             Ok(record) => whole.push(record),
@@ -310,7 +311,7 @@ mod tests {
             let mut file = OpenOptions::new().append(true).open(&path).unwrap();
             file.write_all(text.as_bytes()).unwrap();
         };
-        // An append was cut off; the next one is in its line.
+        // An interrupted append, with the next record in the same line.
         torn(r#"{"name":"el"#);
         add_node(farm, "oak", None, false).unwrap();
         torn("\0\0\n\n{\"name\":\"ash\",\"role\"");

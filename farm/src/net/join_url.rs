@@ -8,25 +8,25 @@ use crate::net::address::NodeAddress;
 use crate::net::certificate_fields;
 
 const SCHEME: &str = "farm://";
-/// Bytes of the secret, and of the farm's fingerprint: 128 bits of each.
+/// Bytes of the secret and of the farm's fingerprint: 128 bits each.
 const BYTES: usize = 16;
 
-/// Where a farm's authority is reached, how it is recognised, and what it admits a node for.
+/// Address of a farm's authority, its fingerprint, and the secret for which it admits a node.
 #[derive(Clone, PartialEq, Eq)]
 pub struct JoinUrl {
     /// The authority's address.
     pub address: NodeAddress,
-    /// What a new node must show; absent in what a node keeps after it has joined.
+    /// The secret that a new node must present; absent in the URL that a node keeps after joining.
     pub(crate) secret: Option<String>,
     /// The first half of the farm's fingerprint.
     pub(crate) fingerprint: String,
 }
 
 impl JoinUrl {
-    /// The address at which an authority will admit nodes, with a new secret.
+    /// The URL at which an authority will admit nodes, with a new secret.
     ///
     /// # Errors
-    /// [`Error::CertificateCreation`] if the system gives no randomness.
+    /// [`Error::CertificateCreation`] if the system provides no randomness.
     pub(crate) fn new(address: NodeAddress, authority: &[u8]) -> Result<Self, Error> {
         let secret = certificate_fields::random::<BYTES>();
         let secret = secret.map_err(|error| Error::CertificateCreation(error.to_string()))?;
@@ -37,7 +37,7 @@ impl JoinUrl {
         })
     }
 
-    /// What a node keeps: where to renew its certificate.
+    /// The URL that a node keeps for the renewal of its certificate.
     pub(crate) fn without_secret(&self) -> Self {
         Self {
             secret: None,
@@ -88,7 +88,7 @@ impl fmt::Display for JoinUrl {
     }
 }
 
-/// Everything but the secret.
+/// Prints no secret.
 impl fmt::Debug for JoinUrl {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_tuple("JoinUrl")

@@ -1,5 +1,5 @@
-//! Admission of players to a node: by address, certificate and place, in this order, each checked
-//! before the next costs anything.
+//! Admission of players to a node: by address, certificate and place, in this order, each checked before the
+//! next incurs any cost.
 
 use std::future::Future;
 use std::net::SocketAddr;
@@ -18,7 +18,7 @@ use crate::net::places::{Place, Places};
 use crate::net::{certificate_fields, close_code, connection_error};
 use crate::node::PlayerId;
 
-/// A node's socket.
+/// Listening socket of a node.
 #[derive(Clone)]
 pub(crate) struct Listener {
     endpoint: Endpoint,
@@ -29,8 +29,8 @@ impl Listener {
     /// Opens the socket. Needs a tokio runtime.
     ///
     /// # Errors
-    /// [`Error::KeyPair`] if the credentials cannot be used, [`Error::Socket`] if the address
-    /// is in use or does not belong to this machine.
+    /// [`Error::KeyPair`] if the credentials are unusable, [`Error::Socket`] if the address is in use or does
+    /// not belong to this machine.
     pub(crate) fn bind(
         address: SocketAddr,
         credentials: &Credentials,
@@ -45,10 +45,10 @@ impl Listener {
         })
     }
 
-    /// Shows another certificate from the next connection on.
+    /// Presents another certificate from the next connection on.
     ///
     /// # Errors
-    /// [`Error::KeyPair`] if the credentials cannot be used.
+    /// [`Error::KeyPair`] if the credentials are unusable.
     pub(crate) fn set_credentials(
         &self,
         credentials: &Credentials,
@@ -59,12 +59,12 @@ impl Listener {
         Ok(())
     }
 
-    /// The bound address, with the port that the system chose if 0 was asked for.
+    /// The bound address, with the port chosen by the system if 0 was requested.
     pub(crate) fn local_addr(&self) -> Result<SocketAddr, std::io::Error> {
         self.endpoint.local_addr()
     }
 
-    /// Gives each player to `serve`, on a task of its own, until the listener is closed.
+    /// Passes each player to `serve`, on a task of its own, until the listener is closed.
     pub(crate) async fn run<S, F>(&self, serve: S)
     where
         S: Fn(PlayerId, ConnectionStreams) -> F + Clone + Send + 'static,
@@ -93,6 +93,7 @@ impl Listener {
                             () = place.yielded() => {
                                 let why = NoPlace::Yielded.to_string();
                                 connection.close(close_code::FULL, why.as_bytes());
+                                // The session still has to notice the end of its connection and to clean up.
                                 served.await;
                             }
                         }
@@ -109,33 +110,33 @@ impl Listener {
         }
     }
 
-    /// Tells all players that the node is shutting down, and waits until they know.
+    /// Tells all players that the node is shutting down, and waits until they have acknowledged it.
     pub(crate) async fn drain(&self) {
         self.endpoint.close(close_code::DRAINING, b"shutting down");
         let _ = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, self.endpoint.wait_idle()).await;
     }
 }
 
-/// Bounds the cost of a stranger whose address and certificate are not known yet: one stateless packet when many
-/// handshakes are under way, nothing when too many are.
+/// Bounds the cost of a stranger whose address and certificate are not yet verified: one stateless Retry if
+/// many handshakes are in progress, nothing if too many are.
 pub(crate) fn screen(
     incoming: Incoming,
     handshakes: &Handshakes,
 ) -> Option<(Incoming, PendingHandshake)> {
-    // Who takes the place of another must have shown where he is.
+    // A handshake may evict another only from a validated address.
     if handshakes.must_validate() && incoming.may_retry() {
         let _ = incoming.retry();
         return None;
     }
     let Some(pending) = handshakes.begin(incoming.remote_address().ip()) else {
-        // No answer at all: a refusal would let strangers reflect packets at others.
+        // No answer at all: with refusals, strangers could reflect packets to forged addresses.
         incoming.ignore();
         return None;
     };
     Some((incoming, pending))
 }
 
-/// Completes the handshake, which checks the certificate.
+/// Completes the handshake, which verifies the certificate.
 pub(crate) async fn accept(incoming: Incoming) -> Result<Connection, Error> {
     let connected = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, incoming).await;
     connected
@@ -143,7 +144,7 @@ pub(crate) async fn accept(incoming: Incoming) -> Result<Connection, Error> {
         .map_err(|error| connection_error::connection(&error, Role::Node))
 }
 
-/// Completes the handshake, and waits for the control stream.
+/// Completes the handshake, assigns a place and waits for the control stream.
 async fn authenticate(
     incoming: Incoming,
     pending: &PendingHandshake,
@@ -167,7 +168,7 @@ async fn authenticate(
         return Err(why);
     };
     let (send, receive) = control.map_err(|error| connection_error::connection(&error, role))?;
-    // Only now, so that a player that opens no stream counts as a handshake.
+    // Only now, so that a player that opens no stream stays bounded as a handshake.
     pending.succeed();
     let streams = ConnectionStreams {
         connection,

@@ -1,9 +1,10 @@
-//! Connections whose player's address changes: a NAT gives it another port, or it changes its network.
+//! Migration of connections whose player's address changes, because a NAT assigns another port or the player
+//! changes its network.
 //!
-//! quinn goes on at the new address, and sends little there before it has validated it (RFC 9000, 8.2 and 9.3). But to
-//! each packet that comes from a forged address it answers with a datagram of 1,200 bytes, a path challenge or response,
-//! so that a player could have a node flood others. The frames that it sends are therefore counted in the player's
-//! account, and a connection that takes too many of them is closed.
+//! quinn continues at the new address, and sends little there before it has validated it (RFC 9000, 8.2 and
+//! 9.3). But it answers each packet from a forged address with a datagram of 1,200 bytes, a path challenge or
+//! response, so that a player could make a node flood others. The number of these frames is therefore charged
+//! to the player's account, and a connection that exceeds it is closed.
 
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
@@ -14,12 +15,12 @@ use crate::Error;
 use crate::net::close_code;
 use crate::net::player_account::PlayerAccount;
 
-/// How often a connection is asked whether its address has changed, at a few microseconds each time: in a tenth of a
-/// second a core answers some ten thousand forged packets, with 12 MB.
+/// Interval of the checks, of a few microseconds each: in a tenth of a second a core answers some ten
+/// thousand forged packets, with 12 MB.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// Tells each new address of a connection. Closes it and returns the error if the address changes too often; never
-/// returns otherwise.
+/// Reports each new address of a connection. Closes it and returns the error if the address changes too
+/// often; otherwise never returns.
 pub(crate) async fn watch(
     connection: &Connection,
     account: &PlayerAccount,
@@ -41,7 +42,7 @@ pub(crate) async fn watch(
     }
 }
 
-/// Path challenges and responses that have been sent: two when the address changes.
+/// Number of path challenges and responses sent so far: two per change of address.
 fn path_probes(connection: &Connection) -> u64 {
     let sent = connection.stats().frame_tx;
     sent.path_challenge + sent.path_response

@@ -1,4 +1,5 @@
-//! Farms over QUIC: the only code that names quinn, rustls, tokio and certificates.
+//! Network layer of a farm: QUIC connections with mutual authentication. The only code that names quinn,
+//! rustls, tokio and certificates.
 //!
 //! ```text
 //! authority ──init, add-node, join──▶ folders ──▶ credentials ──▶ tls ──▶ endpoint
@@ -10,15 +11,14 @@
 //!                                                               datagrams with fec
 //! ```
 //!
-//! Both ends authenticate each other by certificates of the farm's own authority that name their
-//! role; nothing is allocated for a peer before. There is no other way to reach a node over a
-//! socket.
+//! Both ends authenticate each other by certificates from the farm's own authority that state their role;
+//! nothing is allocated for a peer before that. There is no other way to reach a node over a socket.
 //!
-//! # The transport, by measurement
+//! # Measurements of the transport
 //!
-//! 31.5 Mbit/s of tiles over a round trip of 46 ms, by `carom-bench transport --seconds 10` with
-//! seeds 1 to 3 on a quiet machine of 16 cores; medians. A tile is missing if it has not come
-//! within 100 ms of its request, and the 99th percentile is of those that have.
+//! 31.5 Mbit/s of tiles over a round trip of 46 ms, by `carom-bench transport --seconds 10` with seeds 1 to 3
+//! on an idle machine of 16 cores; medians. A tile is missing if it has not arrived
+//! within 100 ms of its request; the 99th percentile is of those that have.
 //!
 //! | path | | `congestion`, `fec` | `congestion`, streams | BBR, streams | Cubic, streams |
 //! |---|---|---|---|---|---|
@@ -34,10 +34,9 @@
 //! | 25 Mbit/s, bitrate control | p99 | 62.1 ms | | | |
 //! | | missing | 0.01 % | | | |
 //!
-//! Error correction stays: without it 2 to 5 % of the tiles miss their deadline on a lossy path.
-//! The delay-based window stays: on a slow link BBR and Cubic fill a queue for a third of a second,
-//! which leaves bitrate control nothing to go by. quinn's controllers remain selectable for
-//! comparison.
+//! Error correction is worth its cost: without it 2 to 5 % of the tiles miss their deadline on a lossy path.
+//! So is the delay-based window: on a slow link BBR and Cubic keep a third of a second of data in the queue,
+//! which leaves bitrate control no signal. quinn's controllers remain selectable for comparison.
 
 mod address;
 pub mod authority;

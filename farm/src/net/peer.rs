@@ -1,23 +1,23 @@
-//! The two sides of a connection as errors speak of them: roles, certificate faults and reasons
-//! for a disconnect.
+//! The two sides of a connection in terms of errors: roles, certificate faults and reasons for a disconnect.
 
 use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-/// From the first packet until both certificates are checked, and from then until the greeting: 65 round
-/// trips of 46 ms. A slower peer holds a place that another could have.
+/// Maximum time from the first packet until both certificates are verified, and again until the greeting: 65
+/// round trips of 46 ms. A slower peer occupies a place that another could have.
 pub(crate) const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(3);
 const DAY: Duration = Duration::from_secs(24 * 3600);
-/// The authority outlives any farm: whoever can replace its certificate can replace the rest.
+/// Validity of an authority, longer than any farm lasts: whoever can replace its certificate can replace the
+/// rest.
 pub(crate) const AUTHORITY_LIFE: Duration = Duration::from_secs(10 * 365 * 24 * 3600);
-/// A node's key lies on a rented machine that others will rent next.
+/// Validity of a node's certificate: short, since its key is on a rented machine that others will rent next.
 const NODE_LIFE: Duration = DAY.saturating_mul(30);
-/// A player is a person, who may have left by then.
+/// Validity of a player's certificate: bounded, since a player may have left the farm.
 const PLAYER_LIFE: Duration = DAY.saturating_mul(90);
 
-/// The right that a certificate grants its holder.
+/// Right that a certificate grants its holder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
@@ -36,7 +36,7 @@ impl Role {
         }
     }
 
-    /// How long its certificates are valid.
+    /// The validity of its certificates.
     pub const fn life(self) -> Duration {
         match self {
             Self::Player => PLAYER_LIFE,
@@ -93,7 +93,7 @@ impl Role {
     }
 }
 
-/// `player` or `node`.
+/// Writes `player` or `node`.
 impl fmt::Display for Role {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -103,23 +103,22 @@ impl fmt::Display for Role {
     }
 }
 
-/// The reason why a certificate is not accepted; displays as a predicate: "has expired: …".
+/// Reason why a certificate is not accepted; displays as a predicate: "has expired: …".
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CertificateFault {
-    /// None was shown.
+    /// None was presented.
     #[error("is missing")]
     Missing,
-    /// It is past its last day; of a holder of this role.
+    /// It has expired; its holder has this role.
     #[error("has expired: {}", _0.renewal_advice())]
     Expired(Role),
-    /// The other side found it outside its days, in the past or in the future; of a holder of this
-    /// role.
+    /// The other side found it outside its validity, before or after; its holder has this role.
     #[error(
         "has expired or is not valid yet: compare the clocks of both machines, or {}",
         _0.renewal_advice()
     )]
     OutsideItsDays(Role),
-    /// Its first day is yet to come.
+    /// Its validity has not begun.
     #[error("is not valid yet: check this machine's clock, and that of the farm's authority")]
     NotYetValid,
     /// Its key is on the farm's deny list.
@@ -134,18 +133,18 @@ pub enum CertificateFault {
     /// The `ca.pem` in the same folder did not issue it.
     #[error("was not issued by the ca.pem beside it")]
     OtherAuthority,
-    /// TLS has another objection.
+    /// TLS raised another objection.
     #[error("cannot be used: {0}")]
     Unusable(String),
 }
 
-/// The reason why the other side ended a connection; displays as a predicate: "is shutting down".
+/// Reason why the other side ended a connection; displays as a predicate: "is shutting down".
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DisconnectReason {
     /// It closed the connection, with an explanation or an empty one.
     #[error("has closed the connection{}{_0}", if _0.is_empty() { "" } else { ": " })]
     Closed(String),
-    /// It has no place for another player, or another connection of this one: its sentence.
+    /// It has no place for another player, or for another connection of this one; its sentence says which.
     #[error("has no place: {0}")]
     Full(String),
     /// It is shutting down.
@@ -154,7 +153,7 @@ pub enum DisconnectReason {
     /// It accepts no connection.
     #[error("accepts no connections at the moment")]
     Refusing,
-    /// Its QUIC layer gave the connection up.
+    /// Its QUIC layer aborted the connection.
     #[error("broke the connection: {0}")]
     Broken(String),
     /// It has been silent for too long.
@@ -168,18 +167,18 @@ pub enum DisconnectReason {
     QuicVersion,
 }
 
-/// The reason why a player gets no place.
+/// Reason why a player gets no place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoPlace {
-    /// Others have all of them.
+    /// All places are taken.
     #[error(
         "{players} of at most {players} players are served and {ahead} wait before this one: call \
          again, it is let in when one leaves"
     )]
     Full {
-        /// Players that are served.
+        /// Number of players that are served.
         players: usize,
-        /// Players before it in line.
+        /// Number of players before it in the line.
         ahead: usize,
     },
     /// Its place has gone to another player.
@@ -188,19 +187,19 @@ pub enum NoPlace {
     /// The line is full.
     #[error("{waiting} of at most {waiting} players wait in line: call again later")]
     LineFull {
-        /// Players in line.
+        /// Number of players in the line.
         waiting: usize,
     },
     /// The player's address has changed too often.
     #[error("its address has changed too often: call again in {secs} s")]
     Moves {
-        /// Until then.
+        /// Seconds until it may connect again.
         secs: u64,
     },
     /// The player has as many connections as it may have.
     #[error("this player has {max} of at most {max} connections: close another of its programs")]
     Connections {
-        /// Connections of a player.
+        /// Maximum connections of a player.
         max: usize,
     },
 }

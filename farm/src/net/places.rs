@@ -1,9 +1,9 @@
 //! Places of a node: the players that it serves, and the line of those that wait.
 //!
-//! A player is a certificate's key. Its connections share one place and one [`PlayerAccount`], so that
-//! nobody gets more by calling more often; who is turned away keeps a place in line by calling again,
-//! as every link does. When all places are taken, who has asked for nothing for a while yields its place
-//! to the first in line.
+//! A player is identified by its certificate's key. Its connections share one place and one
+//! [`PlayerAccount`], so that more connections gain nothing. A player that is turned away keeps its place in
+//! the line by connecting again, as every link does. When all places are taken, a player that has been idle
+//! for a while yields its place to the first in the line.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex};
@@ -16,21 +16,21 @@ use crate::net::peer::NoPlace;
 use crate::net::player_account::PlayerAccount;
 use crate::node::PlayerId;
 
-/// Players that a node serves at once: a hundred persons share a farm, and each calls all of its nodes.
-/// Their shares of the device are equal; `crowds_fit_into_a_node` prints what they take.
+/// Players that a node serves at once: a hundred persons may share a farm, and each connects to all of its
+/// nodes. Their shares of the device are equal; `crowds_fit_into_a_node` prints what they take.
 const PLAYERS_MAX: usize = 128;
-/// Connections of one player: a game, one that has crashed and not timed out, a render or two.
+/// Connections of one player: a game, a crashed one that has not timed out, a render or two.
 const CONNECTIONS_MAX: usize = 4;
-/// Players in line.
+/// Players in the line.
 const LINE_MAX: usize = 64;
-/// A player that has not called for this long leaves the line: links call every five seconds.
+/// Time without a call after which a player leaves the line: links call every five seconds.
 const ABSENCE_MAX: Duration = Duration::from_secs(12);
-/// A player that has had no tiles for this long yields its place if another waits.
+/// Time without tiles after which a player yields its place if another waits.
 const IDLE_MAX: Duration = Duration::from_secs(60);
-/// Accounts of players that have left: they get no new one by calling again.
+/// Accounts kept, also of players that have left, so that they get no new budget by connecting again.
 const ACCOUNTS_MAX: usize = 4 * PLAYERS_MAX;
 
-/// Who is served, and who waits.
+/// Assignment of places to players, and the line.
 #[derive(Debug, Default)]
 struct Seating {
     served: BTreeMap<PlayerId, Seat>,
@@ -38,11 +38,11 @@ struct Seating {
     accounts: BTreeMap<PlayerId, Arc<PlayerAccount>>,
 }
 
-/// The place of a player.
+/// Place of a player, shared by its connections.
 #[derive(Debug)]
 struct Seat {
     connections: usize,
-    /// Whether it has been given to another.
+    /// Whether the place has been given to another player.
     yields: watch::Sender<bool>,
 }
 
@@ -61,8 +61,10 @@ impl Seating {
         if ahead == 0 && self.served.len() >= PLAYERS_MAX {
             self.vacate(now);
         }
-        // As many from the front of the line may enter as there are places, in whatever order they call.
+        // As many players from the front of the line may enter as there are free places, in whatever order
+        // they call.
         if ahead >= PLAYERS_MAX.saturating_sub(self.served.len()) {
+            // Being turned away counts as a call, which keeps the place in the line.
             self.line[ahead].1 = now;
             let players = self.served.len();
             return Err(NoPlace::Full { players, ahead });
@@ -80,7 +82,7 @@ impl Seating {
         Ok(yielded)
     }
 
-    /// How many wait before a player, which waits from now on.
+    /// The number of players in the line before this one, which is appended if it was not in it.
     fn place_in_line(&mut self, now: Instant, player: PlayerId) -> Result<usize, NoPlace> {
         self.line
             .retain(|(_, called)| now.saturating_duration_since(*called) < ABSENCE_MAX);
@@ -95,7 +97,7 @@ impl Seating {
         }
     }
 
-    /// Takes the place of the player that has been idle for longest, if it has been for long enough.
+    /// Withdraws the place of the player that has been idle for longest, if it has been idle for long enough.
     fn vacate(&mut self, now: Instant) {
         let idle = |player: &&PlayerId| self.accounts.get(player).map(|account| account.idle(now));
         let idlest = self.served.keys().max_by_key(idle).copied();
@@ -105,7 +107,7 @@ impl Seating {
         }
     }
 
-    /// The account of a player, which it keeps for a while when it leaves.
+    /// The account of a player, which is kept for a while after it leaves.
     fn account(&mut self, now: Instant, player: PlayerId) -> Arc<PlayerAccount> {
         if self.accounts.len() >= ACCOUNTS_MAX {
             let served = &self.served;
@@ -118,7 +120,7 @@ impl Seating {
 
     fn leave(&mut self, player: PlayerId, yielded: &watch::Receiver<bool>) {
         let seat = self.served.get_mut(&player);
-        // Another seat of the player's, if it has yielded the one that it leaves.
+        // The player may have another seat by now, if it had to yield the one that it leaves.
         if let Some(seat) = seat.filter(|seat| seat.yields.subscribe().same_channel(yielded)) {
             seat.connections -= 1;
             if seat.connections == 0 {
@@ -128,11 +130,11 @@ impl Seating {
     }
 }
 
-/// The places of one node.
+/// Places of one node, shared by its tasks.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Places(Arc<Mutex<Seating>>);
 
-/// A place, held by a connection until it is dropped.
+/// Place held by a connection until it is dropped.
 #[derive(Debug)]
 pub(crate) struct Place {
     pub(crate) player: PlayerId,
@@ -163,7 +165,7 @@ impl Places {
 }
 
 impl Place {
-    /// Waits until the place goes to another player.
+    /// Completes once the place goes to another player.
     pub(crate) async fn yielded(&self) {
         let mut yielded = self.yielded.clone();
         if yielded.wait_for(|yielded| *yielded).await.is_err() {
@@ -213,12 +215,12 @@ mod tests {
             assert_eq!(refusal, NoPlace::Full { players, ahead });
         }
         served.pop();
-        // The place is kept for the first in line while it calls.
+        // The place is kept for the first in line as long as it keeps calling.
         assert!(enter(2, 211).is_err());
         let first = enter(3, 210).unwrap();
         assert!(enter(4, 211).is_err());
         drop(first);
-        // The second has given up.
+        // The second has stopped calling.
         assert!(enter(6, 212).is_err());
         assert!(enter(17, 212).is_ok());
     }
@@ -235,9 +237,9 @@ mod tests {
         assert!(!yields().any(|yields| yields));
         let newcomer = enter(60, 200).unwrap();
         assert!(yields().eq((0..PLAYERS_MAX).map(|one| one == 0)));
-        // All others have worked since.
+        // All other players have been active since.
         assert!(enter(61, 0).is_err());
-        // Who leaves a place that it has yielded takes none from itself.
+        // A player that leaves a place it had yielded must not release its new one.
         drop(newcomer);
         let again = enter(62, 0).unwrap();
         drop(served);

@@ -1,4 +1,4 @@
-//! The network side of a node: its socket, which serves many players at once until it is stopped.
+//! Network side of a node: its socket, which serves many players at once until it is stopped.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ use crate::net::signals::Signals;
 use crate::net::{close_code, migration, runtime};
 use crate::node::{ConnectionDrain, PacketHandler, PlayerId};
 
-/// A change in a node's connections.
+/// Change of a node's connections.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ServerEvent {
     /// The node has a new certificate.
@@ -34,47 +34,48 @@ pub enum ServerEvent {
         /// Its address.
         player: SocketAddr,
     },
-    /// A player's packets come from another address: its NAT has changed its port, or it has changed its network.
+    /// A player's packets come from another address: its NAT has changed its port, or it has changed
+    /// networks.
     Moved {
-        /// The address from which it has called.
+        /// The address from which it connected.
         player: SocketAddr,
         /// Its address from now on.
         to: SocketAddr,
     },
     /// A player has closed its connection.
     Left {
-        /// The address from which it has called.
+        /// The address from which it connected.
         player: SocketAddr,
     },
     /// A player's connection has failed.
     Lost {
-        /// The address from which it has called.
+        /// The address from which it connected.
         player: SocketAddr,
-        /// The reason, for a person to read.
+        /// The reason, in words for a person.
         why: String,
     },
     /// The node is shutting down.
     Draining,
 }
 
-/// A node's open socket.
+/// Network side of a node with its open socket.
 pub struct NodeServer {
     runtime: Runtime,
     listener: Listener,
     options: TransportOptions,
     denied: Arc<DenyList>,
     renewal: Option<Renewal>,
-    /// Caught from the start: a node that has said it listens shuts down in order.
+    /// Caught from the start, so that a node that has announced its socket always shuts down in order.
     signals: Signals,
 }
 
-/// A certificate that is renewed in its folder.
+/// Credentials that are renewed in their folder.
 struct Renewal {
     credentials: Credentials,
     folder: PathBuf,
 }
 
-/// A handle that stops each [`NodeServer`] that serves with it, from another thread.
+/// Handle that stops each [`NodeServer`] that serves with it, from any thread.
 #[derive(Clone, Debug, Default)]
 pub struct StopHandle(Arc<watch::Sender<bool>>);
 
@@ -89,13 +90,13 @@ impl NodeServer {
     /// Opens the socket.
     ///
     /// # Errors
-    /// [`Error::KeyPair`] if the credentials cannot be used, [`Error::Socket`] if the address is in
-    /// use or does not belong to this machine.
+    /// [`Error::KeyPair`] if the credentials are unusable, [`Error::Socket`] if the address is in use or does
+    /// not belong to this machine.
     pub fn bind(address: SocketAddr, credentials: &Credentials) -> Result<Self, Error> {
         Self::bind_with_options(address, credentials, TransportOptions::default())
     }
 
-    /// Opens the socket with another transport of tiles, for comparison.
+    /// Opens the socket with other options of the transport, for comparison.
     ///
     /// # Errors
     /// As [`NodeServer::bind`].
@@ -121,7 +122,7 @@ impl NodeServer {
         })
     }
 
-    /// Shows new certificates in `folder` while the node serves, and renews them if the folder was
+    /// Presents new certificates from `folder` while the node serves, and renews them if the folder was
     /// made by a join.
     pub fn keep_renewed(&mut self, credentials: Credentials, folder: PathBuf) {
         self.renewal = Some(Renewal {
@@ -130,18 +131,18 @@ impl NodeServer {
         });
     }
 
-    /// The bound address, with the port that the system chose if 0 was asked for.
+    /// The bound address, with the port chosen by the system if 0 was requested.
     ///
     /// # Errors
-    /// [`Error::Socket`] if the system does not know.
+    /// [`Error::Socket`] if the system cannot tell.
     pub fn local_addr(&self) -> Result<SocketAddr, Error> {
         let address = self.listener.local_addr();
         address.map_err(Error::socket("the node's socket"))
     }
 
-    /// Serves players until `stop`, Ctrl-C or SIGTERM. Then it drains, for ten seconds at most: each
-    /// player is asked for no more requests, and leaves when it has the answers of those that it has sent.
-    /// `connect` creates the session of a player's connection from an address.
+    /// Serves players until `stop`, Ctrl-C or SIGTERM, then drains for at most ten seconds: each player is
+    /// told to send no more requests, and leaves once it has the answers to those that it has sent. `connect`
+    /// creates the session for a player's connection from an address.
     pub fn serve<P: PacketHandler + Send>(
         self,
         stop: &StopHandle,
@@ -190,7 +191,7 @@ impl NodeServer {
             }
             draining(ServerEvent::Draining);
             stopping.send_replace(true);
-            // Each player's task listens until its session has ended.
+            // The receivers are held by the players' tasks, so the channel closes when the last session ends.
             if timeout(DRAIN_TIMEOUT, stopping.closed()).await.is_err() {
                 tracing::warn!("what players had asked for took too long and was given up");
             }
@@ -199,8 +200,8 @@ impl NodeServer {
     }
 }
 
-/// Waits until the node is to end, then until a session's work is done and on its way, and tells the
-/// player.
+/// Waits until the node is to stop, then until the session's player has left or is owed nothing for
+/// [`FAREWELL_PATIENCE`], and closes the connection.
 async fn drained(
     mut stops: watch::Receiver<bool>,
     drain: Option<ConnectionDrain>,
@@ -224,20 +225,21 @@ async fn drained(
     connection.close(close_code::DRAINING, b"shutting down");
 }
 
-/// How long a node finishes what it has been asked for. A frame of a game takes milliseconds and a
-/// slice of a film some seconds; Kubernetes ends a process after 30, EC2 two minutes after its notice.
+/// Maximum time of draining. A frame of a game takes milliseconds and a slice of a film some seconds;
+/// Kubernetes kills a process after 30 s, EC2 two minutes after its notice.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(10);
-/// How often a session that drains is looked at: a quarter of a frame at 60 a second.
+/// Interval at which a draining session is polled: a quarter of a frame at 60 a second.
 const DRAIN_POLL: Duration = Duration::from_millis(4);
-/// How long a player that is owed nothing may leave the farewell without an answer: longer than a round
-/// trip, and than lost packets take.
+/// Time for which a player without open requests may leave the farewell unanswered: longer than a round trip
+/// with retransmissions of lost packets.
 const FAREWELL_PATIENCE: Duration = Duration::from_millis(500);
 
-/// How often a node asks for the deny list, and for a certificate when one is due.
+/// Interval of requests for the deny list, and for a certificate when one is due.
 const RENEWAL_PERIOD: Duration = Duration::from_secs(3600);
 
 impl Renewal {
-    /// Asks now and every hour; the certificate is shown to players from their next connection on.
+    /// Renews now and then every hour; a new certificate is presented to players from their next connection
+    /// on.
     async fn run(
         mut self,
         listener: Listener,
@@ -263,7 +265,7 @@ impl Renewal {
         options: TransportOptions,
     ) -> Result<Option<String>, Error> {
         let asked = enrolment::renew(&self.credentials, &self.folder).await;
-        // By the authority, or by a person who has copied a new one here.
+        // Renewed by the authority, or copied here by a person.
         let in_folder = Credentials::load(&self.folder, Role::Node)?;
         if in_folder.certificate == self.credentials.certificate {
             return asked.map(|()| None);
@@ -274,7 +276,8 @@ impl Renewal {
     }
 }
 
-/// A player that leaves ends its control stream and closes the connection, in either order.
+/// The event of an ended connection. A player that leaves ends its control stream and closes the connection,
+/// and either may arrive first.
 fn ended(player: SocketAddr, error: &Error) -> ServerEvent {
     match error {
         Error::ControlStreamEnded => ServerEvent::Left { player },

@@ -1,4 +1,4 @@
-//! The signals that ask a program to end: Ctrl-C, and SIGTERM from service managers.
+//! Signals that ask a program to end: Ctrl-C, and SIGTERM from service managers.
 
 use std::io;
 use std::sync::Arc;
@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::net::runtime;
 
-/// A flag that turns true at the first Ctrl-C or SIGTERM, which then no longer end the program.
+/// A flag that becomes true at the first Ctrl-C or SIGTERM; neither ends the program from here on.
 ///
 /// # Errors
-/// If the system has no thread left or does not report signals.
+/// If the system can start no thread or does not deliver signals.
 pub fn interruption() -> Result<Arc<AtomicBool>, io::Error> {
     let runtime = runtime::waiting_thread()?;
     let mut signals = {
@@ -27,7 +27,7 @@ pub fn interruption() -> Result<Arc<AtomicBool>, io::Error> {
     Ok(flag)
 }
 
-/// A stream of Ctrl-C and SIGTERM, which from [`Signals::listen`] on do not end the program.
+/// Stream of Ctrl-C and SIGTERM, which do not end the program from [`Signals::listen`] on.
 pub(crate) struct Signals {
     #[cfg(unix)]
     interrupt: tokio::signal::unix::Signal,

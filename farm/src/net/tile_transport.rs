@@ -1,5 +1,5 @@
-//! The transport of tile packets: each on a stream of its own, or, where the path is long and loses
-//! packets, as datagrams with [forward error correction](super::fec).
+//! Transport of tile packets: each on a stream of its own or, if the path is long and loses packets, as
+//! datagrams with [forward error correction](super::fec).
 
 use std::collections::VecDeque;
 use std::future::{Future, poll_fn};
@@ -25,12 +25,12 @@ use super::fec::loss_estimator::LossEstimator;
 use super::fec::tile_stream::{RETRANSMISSION_HEADER_BYTES, TileStream};
 use crate::Error;
 
-/// The present transport of a node's tiles, as both ends go by it.
+/// Current transport of a node's tiles, as known at either end.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct TileTransport {
     /// Whether the last tiles travelled as datagrams.
     pub(crate) datagrams: bool,
-    /// Bytes on the path for each byte of tiles, 1 or more.
+    /// Bytes on the path per byte of tiles, at least 1.
     pub(crate) overhead: f64,
 }
 
@@ -41,11 +41,12 @@ pub(crate) struct Nack {
     pub(crate) received: u64,
 }
 
-/// A node's end. Packets that wait for the network wait in the session, which can still drop them.
+/// Node's end of the transport. Packets wait in the session while the network is busy, where they can still
+/// be dropped.
 pub(crate) struct TileSender {
     connection: Connection,
-    /// Requests that nobody waits for: their streams are reset, so that lost packets of theirs are
-    /// not retransmitted.
+    /// Requests that are no longer wanted: their streams are reset, so that their lost packets are not
+    /// retransmitted.
     cancelled: watch::Receiver<VecDeque<RequestId>>,
     transport: watch::Sender<TileTransport>,
     start: Instant,
@@ -53,7 +54,7 @@ pub(crate) struct TileSender {
     encoder: FecEncoder,
     /// Whether this end sends datagrams at all.
     fec: bool,
-    /// Waits for the acknowledgement of written streams.
+    /// Tasks that wait for the acknowledgement of written streams.
     unacknowledged: JoinSet<()>,
 }
 
@@ -76,7 +77,7 @@ impl TileSender {
         }
     }
 
-    /// Sends packets until there are no more.
+    /// Sends packets until the channel closes.
     pub(crate) async fn run(
         mut self,
         mut packets: mpsc::Receiver<Vec<u8>>,
@@ -84,6 +85,7 @@ impl TileSender {
     ) -> ConnectionEnd {
         loop {
             while self.unacknowledged.try_join_next().is_some() {}
+            // Either the open block has to be closed, or the last one announced; never both.
             let timeout = self.encoder.close_timeout();
             let timeout = timeout.or_else(|| self.encoder.announce_timeout());
             let timeout = timeout.map(|timeout| self.start + timeout);
@@ -117,7 +119,7 @@ impl TileSender {
         }
     }
 
-    /// The length of datagrams that tiles are to travel in; `None` for streams.
+    /// The maximum length of datagrams if tiles are to travel in them; `None` for streams.
     fn choose_transport(&mut self) -> Option<usize> {
         let path = self.connection.stats().path;
         self.losses.observe(path.sent_packets, path.lost_packets);
@@ -144,7 +146,7 @@ impl TileSender {
     async fn send_datagrams(&mut self, datagrams: Vec<Vec<u8>>) -> Result<(), ConnectionEnd> {
         for datagram in datagrams {
             match self.connection.send_datagram_wait(datagram.into()).await {
-                // The path MTU has shrunk meanwhile: lost like others.
+                // The path MTU has just shrunk: the datagram counts as lost.
                 Ok(()) | Err(SendDatagramError::TooLarge) => {}
                 Err(SendDatagramError::ConnectionLost(error)) => {
                     return Err(ConnectionEnd::Lost(error));
@@ -155,7 +157,7 @@ impl TileSender {
         Ok(())
     }
 
-    /// Sends the repair symbols of the open block, or announces the last one.
+    /// Closes the open block and sends its repair symbols, or announces the last block.
     async fn on_timeout(&mut self) -> Result<(), ConnectionEnd> {
         if self.encoder.close_timeout().is_some() {
             let repair = self.encoder.close(&mut self.losses);
@@ -202,7 +204,7 @@ impl TileSender {
     ) -> Result<(), ConnectionEnd> {
         let mut cancelled = self.cancelled.clone();
         let cwnd = self.connection.stats().path.cwnd;
-        // quinn's own buffer of 4 MB would hide the queue from the bitrate control.
+        // The initial send window of 4 MB would hide the queue from the bitrate control.
         self.connection
             .set_send_window(cwnd + (cwnd / 8).max(SEND_BYTES_AHEAD));
         let stream = self.connection.open_uni().await;
@@ -221,6 +223,8 @@ impl TileSender {
             None => drop(stream.reset(close_code::STALE)),
             Some(Ok(())) => {
                 let _ = stream.finish();
+                // Held until the stream is acknowledged, so that a cancellation can still stop its
+                // retransmissions.
                 self.unacknowledged.spawn(async move {
                     tokio::select! {
                         _ = stream.stopped() => {}
@@ -230,7 +234,7 @@ impl TileSender {
                     }
                 });
             }
-            // The player does not want these tiles any more.
+            // The player no longer wants these tiles.
             Some(Err(WriteError::Stopped(_))) => {}
             Some(Err(WriteError::ConnectionLost(error))) => {
                 return Err(ConnectionEnd::Lost(error));
@@ -241,7 +245,7 @@ impl TileSender {
     }
 }
 
-/// Never returns if the connection ends before.
+/// Waits until `request` is cancelled; never completes if the connection ends before, or without a request.
 async fn wait_until_cancelled(
     cancelled: &mut watch::Receiver<VecDeque<RequestId>>,
     request: Option<RequestId>,
@@ -253,7 +257,7 @@ async fn wait_until_cancelled(
     }
 }
 
-/// Never returns without a deadline.
+/// Sleeps until `deadline`; never completes without one.
 async fn sleep_until(deadline: Option<Instant>) {
     match deadline {
         Some(deadline) => tokio::time::sleep_until(deadline.into()).await,
@@ -261,7 +265,7 @@ async fn sleep_until(deadline: Option<Instant>) {
     }
 }
 
-/// A player's end.
+/// Player's end of the transport.
 pub(crate) struct TileReceiver {
     connection: Connection,
     to_session: mpsc::Sender<Arrival>,
@@ -285,7 +289,7 @@ impl TileReceiver {
         }
     }
 
-    /// Receives tiles until the connection ends. QUIC's limit on streams bounds how many are read
+    /// Receives tiles until the connection ends. QUIC's limit on concurrent streams bounds how many are read
     /// at once.
     pub(crate) async fn run(mut self) -> ConnectionEnd {
         let mut streams: JoinSet<StreamRead> = JoinSet::new();
@@ -299,7 +303,7 @@ impl TileReceiver {
                     Ok(stream) => {
                         let tiles = UnfinishedTiles::new(Arc::clone(&unfinished));
                         let mut read = Box::pin(read_stream(stream, tiles));
-                        // Short streams have usually arrived whole: no task has to wake for them.
+                        // Short streams have usually arrived completely, and need no task that must be woken.
                         match poll_fn(|cx| Poll::Ready(read.as_mut().poll(cx))).await {
                             Poll::Ready(read) => self.on_read(read),
                             Poll::Pending => {
@@ -364,7 +368,7 @@ impl TileReceiver {
     fn send_nacks(&mut self, rtt: Duration) {
         let now = self.start.elapsed();
         while let Some(nack) = self.decoder.poll_nack(now, rtt) {
-            // One that cannot be sent is repeated like one that is lost.
+            // A NACK that cannot be sent is repeated like a lost one.
             let _ = self.connection.send_datagram(nack.to_bytes().into());
         }
     }
@@ -386,10 +390,11 @@ impl TileReceiver {
     }
 }
 
-/// The bytes of a stream; an error without an end if the node has cancelled the tiles.
+/// The bytes of a stream; `Err(None)` if the node has reset it since its tiles are cancelled.
 type StreamRead = Result<Vec<u8>, Option<ConnectionEnd>>;
 
-/// Reads in order, into one buffer: a chunk that is kept as it came keeps its whole packet in memory.
+/// Reads a stream in order into one buffer: keeping the received chunks would keep their whole packets in
+/// memory.
 async fn read_stream(mut stream: RecvStream, mut tiles: UnfinishedTiles) -> StreamRead {
     loop {
         match stream.read_chunk(STREAM_BYTES_MAX, true).await {
@@ -404,7 +409,7 @@ async fn read_stream(mut stream: RecvStream, mut tiles: UnfinishedTiles) -> Stre
     }
 }
 
-/// The bytes of a stream that has not ended, counted with those of the connection's other streams.
+/// Bytes of an unfinished stream, counted together with those of the connection's other streams.
 struct UnfinishedTiles {
     bytes: Vec<u8>,
     counted: usize,
@@ -423,7 +428,7 @@ impl UnfinishedTiles {
 
     fn push(&mut self, bytes: &[u8]) -> Result<(), String> {
         self.counted += bytes.len();
-        // Relaxed, as the sum is compared with a bound and stands for no other memory.
+        // Relaxed, since the sum is only compared with a bound and orders no other memory access.
         let total = self.total.fetch_add(bytes.len(), Ordering::Relaxed) + bytes.len();
         if self.counted > STREAM_BYTES_MAX {
             return Err(format!(
@@ -458,14 +463,14 @@ fn broken(error: impl std::fmt::Display) -> ConnectionEnd {
     })
 }
 
-/// What to do about a node that sends what no node of this version does.
+/// Advice about a node that sends what no node of this version would.
 const UPDATE: &str = "restart the node, and update the older of the two programs";
 const STREAM_BYTES_MAX: usize = limits::TILES_BYTES_MAX + RETRANSMISSION_HEADER_BYTES;
-/// Bytes in streams of one node that have not ended, four times what a node sends before it is
-/// acknowledged. Reading opens the window of flow control, which therefore does not bound them.
+/// Maximum bytes in unfinished streams of one node, four times what a node sends unacknowledged. Reading
+/// extends the window of flow control, which therefore does not bound them.
 const UNFINISHED_BYTES_MAX: usize = 16 << 20;
-/// Bytes buffered beyond the congestion window, which the bitrate control does not see and nobody
-/// can drop: enough to keep the window full, 6 ms of 25 Mbit/s.
+/// Bytes buffered beyond the congestion window, which the bitrate control does not see and nobody can drop:
+/// enough to keep the window full, 6 ms at 25 Mbit/s.
 const SEND_BYTES_AHEAD: u64 = 16 << 10;
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
-//! TLS 1.3 configurations of both sides, which authenticate each other by the farm's own
-//! authority and by nothing else.
+//! TLS 1.3 configurations of both sides, which authenticate each other by the farm's own authority and
+//! nothing else.
 
 use std::fmt::Display;
 use std::sync::Arc;
@@ -13,13 +13,12 @@ use crate::Error;
 use crate::net::certificate::provider;
 use crate::net::credentials::Credentials;
 
-/// The protocol of players and nodes; another version of the transport is another name.
+/// ALPN name of the protocol of players and nodes; another version of the transport gets another name.
 pub(crate) const ALPN: &[u8] = b"carom/1";
-/// The server name that clients send: certificates name roles and not hosts, so it is never
-/// checked.
+/// Server name that clients send. Certificates state roles, not hosts, so it is never checked.
 pub(crate) const SERVER_NAME: &str = "node.carom";
 
-/// The configuration of the side that calls and speaks `protocol`; it shows `own`, or no certificate.
+/// The configuration of the connecting side, with ALPN `protocol`; it presents `own`, or no certificate.
 ///
 /// # Errors
 /// [`Error::KeyPair`] if the key does not belong to the certificate.
@@ -46,7 +45,7 @@ pub(crate) fn client(
     QuicClientConfig::try_from(config).map_err(unusable)
 }
 
-/// The configuration of the side that is called, speaks `protocol` and shows `certificate`.
+/// The configuration of the accepting side, with ALPN `protocol`; it presents `certificate`.
 ///
 /// # Errors
 /// [`Error::KeyPair`] if the key does not belong to the certificate.
@@ -64,13 +63,13 @@ pub(crate) fn server(
         .map_err(unusable)?;
     config.alpn_protocols = vec![protocol.to_vec()];
     config.max_early_data_size = 0;
-    // Each handshake checks the certificate and its date anew: no resumption.
+    // No resumption, so that each handshake verifies the certificate and its dates anew.
     config.send_tls13_tickets = 0;
     config.session_storage = Arc::new(rustls::server::NoServerSessionStorage {});
     QuicServerConfig::try_from(config).map_err(unusable)
 }
 
-/// What the TLS library says of a certificate or key that it cannot use.
+/// Converts the TLS library's error about an unusable certificate or key.
 pub(crate) fn unusable(error: impl Display) -> Error {
     Error::KeyPair(error.to_string())
 }

@@ -1,4 +1,4 @@
-//! The window: events, redraws, and the start of the viewer in it.
+//! Application: the window's events and redraws, and the start of the viewer in it.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -20,11 +20,11 @@ use crate::args::Args;
 use crate::render::Renderer;
 use crate::viewer::Viewer;
 
-/// News of the renderer.
+/// Event that announces news of the renderer.
 #[derive(Clone, Copy, Debug)]
 struct RendererNews;
 
-/// Shows a window until it is closed.
+/// Runs the viewer's window until it is closed.
 ///
 /// # Errors
 /// What was tried and what to install, if no window can be opened or drawn on.
@@ -36,7 +36,7 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     );
     let event_loop = open_event_loop::<RendererNews>(INSTEAD)?;
     let proxy = event_loop.create_proxy();
-    // Once the loop has ended nobody is to be woken.
+    // Fails only once the loop has ended, when nothing needs to be woken.
     let wake = move || proxy.send_event(RendererNews).unwrap_or_default();
     let renderer = Renderer::start(config, args.accuracy(), wake)?;
     let mut viewer = Viewer::new(renderer, args.spp, Path::new(""));
@@ -67,7 +67,7 @@ struct App {
     title: String,
     is_fullscreen: bool,
     begun: Instant,
-    /// When the window is drawn again though nothing happens.
+    /// Time of the next redraw without events.
     next_redraw: Option<Instant>,
     failure: Option<anyhow::Error>,
 }
@@ -192,7 +192,7 @@ impl App {
         self.follow(event_loop);
     }
 
-    /// Has the window be as the viewer wants it.
+    /// Applies the viewer's title, full-screen mode and wish to quit to the window.
     fn follow(&mut self, event_loop: &ActiveEventLoop) {
         if self.viewer.wants_quit() {
             event_loop.exit();
@@ -211,8 +211,8 @@ impl App {
         }
     }
 
-    /// Goes on without a GPU after a display that can show nothing any more, unless another was asked
-    /// for.
+    /// Continues with software presentation after a display has stopped working, unless a presentation was
+    /// requested explicitly.
     fn replace_display(&mut self, event_loop: &ActiveEventLoop, why: &str) {
         let Some(screen) = &self.screen else { return };
         if screen.display.is_software() || self.present.is_some() {
@@ -233,9 +233,9 @@ impl App {
     }
 }
 
-/// What needs no display.
+/// A command that does without a display.
 const INSTEAD: &str = "carom-farm render";
-/// At most this often the window is drawn though nothing happens.
+/// Minimum period of redraws without events.
 const REDRAW_PERIOD: Duration = Duration::from_millis(8);
-/// Nodes are looked at at least this often.
+/// Maximum period of redraws, to update the nodes' status.
 const SLEEP_MAX: Duration = Duration::from_secs(1);

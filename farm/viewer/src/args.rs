@@ -1,4 +1,4 @@
-//! The command line.
+//! Command line of the viewer.
 
 use std::path::PathBuf;
 
@@ -35,7 +35,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// How pictures are traced.
+    /// The accuracy with which pictures are traced.
     pub fn accuracy(&self) -> Accuracy {
         Accuracy {
             samples: self.spp,

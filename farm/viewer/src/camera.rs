@@ -1,25 +1,25 @@
-//! Camera that goes round a target, pans, zooms, looks around and walks.
+//! Orbit camera that turns around a target, pans, zooms, looks around and walks.
 
 use carom_tracer::{Camera, Lens};
 use glam::{DQuat, DVec2, DVec3, Vec3};
 
-/// A camera by its target, and the direction and distance of its eye from there.
+/// Orbit camera, given by its target and the direction and distance of its eye from there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OrbitCamera {
-    /// The scene's own, which is seen until something moves.
+    /// The scene's own camera, used until something moves.
     home: Camera,
     is_home: bool,
     target: DVec3,
     distance_m: f64,
-    /// Unit length, from the target to the eye.
+    /// Unit vector from the target to the eye.
     to_eye: DVec3,
-    /// Unit length; level in the image are the directions at right angles to it.
+    /// Unit up vector: directions perpendicular to it are level in the image.
     up: DVec3,
     fov_x_deg: f64,
 }
 
 impl OrbitCamera {
-    /// As a scene has it.
+    /// A camera at the position of a scene's own.
     pub fn new(home: Camera) -> Self {
         let offset = home.eye.as_dvec3() - home.target.as_dvec3();
         Self {
@@ -33,31 +33,31 @@ impl OrbitCamera {
         }
     }
 
-    /// Back to where the scene has it.
+    /// Returns to the scene's own camera.
     pub fn go_home(&mut self) {
         *self = Self::new(self.home);
     }
 
-    /// Whether it is the scene's own, and follows it.
+    /// Whether it is the scene's own camera, whose changes it then follows.
     pub fn is_home(&self) -> bool {
         self.is_home
     }
 
-    /// Stays where it is when the scene's own moves on.
+    /// Keeps its position when the scene's own camera moves on.
     pub fn detach(&mut self) {
         self.is_home = false;
     }
 
-    /// Another scene's camera, or the same at another time, to go home to; it stays where it is.
+    /// Sets another scene's camera, or the same at another time, as home; a moved camera keeps its position.
     pub fn set_home(&mut self, home: Camera) {
-        // What has not moved follows the scene.
+        // A camera that has not been moved follows the scene.
         match self.is_home {
             true => *self = Self::new(home),
             false => self.home = home,
         }
     }
 
-    /// What a farm traces.
+    /// The camera for tracing.
     pub fn camera(&self) -> Camera {
         if self.is_home {
             return self.home;
@@ -70,7 +70,7 @@ impl OrbitCamera {
             up: self.up.as_vec3(),
             fov_x_deg: self.fov_x_deg as f32,
             lens: Lens {
-                // What was sharp at the target is sharp there still.
+                // Scaled with the distance, so that the focus stays at the target if it was there.
                 focus_distance_m: focus_share * self.distance_m as f32,
                 ..self.home.lens
             },
@@ -78,7 +78,7 @@ impl OrbitCamera {
         }
     }
 
-    /// The camera of each of `frames` frames of a turn round the target, which ends where it begins.
+    /// The cameras of `frames` frames of one turn around the target, which would end where it begins.
     pub fn turntable(&self, frames: u32) -> impl Iterator<Item = Camera> {
         let begun = self.clone();
         (0..frames).map(move |frame| {
@@ -98,66 +98,68 @@ impl OrbitCamera {
         self.fov_x_deg
     }
 
-    /// Sees so many degrees from left to right, within [`OrbitCamera::FOV_X_DEG`].
+    /// Sets the full horizontal field of view in degrees, clamped to [`OrbitCamera::FOV_X_DEG`].
     pub fn set_fov_x_deg(&mut self, fov_x_deg: f64) {
         let [min, max] = Self::FOV_X_DEG;
         self.fov_x_deg = fov_x_deg.clamp(min, max);
         self.is_home = false;
     }
 
-    /// The field of view that can be chosen, in degrees.
+    /// Minimum and maximum horizontal field of view in degrees.
     pub const FOV_X_DEG: [f64; 2] = [5.0, 120.0];
 
-    /// The direction that is upright in the image.
+    /// The up vector.
     pub fn up(&self) -> Vec3 {
         self.up.as_vec3()
     }
 
-    /// Has another direction upright from now on, and looks at the same target from where it is.
+    /// Sets the up vector. The target stays, and so does the eye unless the view is almost parallel to it.
     pub fn set_up(&mut self, up: Vec3) {
         self.up = up.as_dvec3().normalize_or(self.up);
         self.is_home = false;
         self.turn(0.0, 0.0);
     }
 
-    /// Goes round the target with the distance that it has: by `yaw_rad` round what is upright,
-    /// anticlockwise as seen from above, and higher by `pitch_rad`, which ends short of the poles.
+    /// Orbits the target at constant distance: by `yaw_rad` around the up vector, anticlockwise as seen from
+    /// above, and upwards by `pitch_rad`, stopping short of the poles.
     pub fn turn(&mut self, yaw_rad: f64, pitch_rad: f64) {
         self.to_eye = self.turned(yaw_rad, pitch_rad);
         self.is_home = false;
     }
 
-    /// Turns round the eye, which stays where it is: to the left by `yaw_rad`, up by `pitch_rad`.
+    /// Turns about the eye, which stays in place: to the left by `yaw_rad` and up by `pitch_rad`.
     pub fn look_around(&mut self, yaw_rad: f64, pitch_rad: f64) {
         let eye = self.eye();
+        // `to_eye` points backwards, so it falls when the view rises.
         self.turn(yaw_rad, -pitch_rad);
         self.target = eye - self.distance_m * self.to_eye;
     }
 
-    /// Shifts the picture by a share of its width, to the right and down: what is at the target's
-    /// distance goes along with the pointer.
+    /// Shifts the picture right and down by shares of its width, so that points at the target's distance
+    /// follow the pointer.
     pub fn pan(&mut self, shift: DVec2) {
+        // Width of the visible area at the target's distance.
         let width_m = 2.0 * self.distance_m * (0.5 * self.fov_x_deg.to_radians()).tan();
         let [right, up, _] = self.axes();
         self.target += width_m * (shift.y * up - shift.x * right);
         self.is_home = false;
     }
 
-    /// Goes nearer to the target, or with a factor above 1 farther away, and never to it or past it.
+    /// Multiplies the distance to the target by `factor`, within limits that keep the eye away from the
+    /// target.
     pub fn zoom(&mut self, factor: f64) {
         let home_distance_m = f64::from(self.home.eye.distance(self.home.target));
-        // Nearer than this a single-precision eye would be where its target is.
+        // At a smaller distance, eye and target would coincide in single precision.
         let nearest_m = self.target.length().max(home_distance_m) * NEAREST;
         let farthest_m = home_distance_m * FARTHEST;
         self.distance_m = (self.distance_m * factor).clamp(nearest_m, farthest_m.max(nearest_m));
         self.is_home = false;
     }
 
-    /// Goes in a direction of the picture, (right, up, forward), by so many distances of the target,
-    /// which goes along.
+    /// Moves eye and target along the picture's (right, up, forward), in units of the distance between them.
     pub fn walk(&mut self, travel: DVec3) {
         let [right, _, forward] = self.axes();
-        // Up is up in the world, as of somebody who walks.
+        // Up is the world's up vector, as for a walking person.
         let way = travel.x * right + travel.y * self.up + travel.z * forward;
         self.target += self.distance_m * way;
         self.is_home = false;
@@ -167,7 +169,7 @@ impl OrbitCamera {
         self.target + self.distance_m * self.to_eye
     }
 
-    /// Right, up and forward in the picture, of unit length.
+    /// Unit vectors right, up and forward in the picture.
     fn axes(&self) -> [DVec3; 3] {
         let forward = -self.to_eye;
         let right = forward.cross(self.up);
@@ -178,22 +180,24 @@ impl OrbitCamera {
     fn turned(&self, yaw_rad: f64, pitch_rad: f64) -> DVec3 {
         let to_eye = DQuat::from_axis_angle(self.up, yaw_rad) * self.to_eye;
         let height = to_eye.dot(self.up).clamp(-1.0, 1.0);
+        // The pitch is changed as the angle above the horizontal plane, from the height along `up` and the
+        // horizontal direction `level`.
         let level = (to_eye - height * self.up).normalize_or(self.up.any_orthonormal_vector());
         let was_rad = height.asin();
-        // A camera that the scene has beyond the limit is not pulled back, only kept from going on.
+        // A camera of the scene beyond the limit is not pulled back, only kept from moving further.
         let limit_rad = PITCH_MAX_RAD.max(was_rad.abs().min(PITCH_LAST_RAD));
         let pitch_rad = (was_rad + pitch_rad).clamp(-limit_rad, limit_rad);
         (pitch_rad.cos() * level + pitch_rad.sin() * self.up).normalize()
     }
 }
 
-/// Short of the pole, where no direction would be upright.
+/// Maximum pitch, short of the pole, where no direction is upright.
 const PITCH_MAX_RAD: f64 = 1.553; // 89°
-/// Nearer to the pole, single precision takes the view for upright.
+/// Absolute maximum: nearer to the pole, the view is parallel to the up vector in single precision.
 const PITCH_LAST_RAD: f64 = 1.5698;
-/// Of the distance at home, and of the target's from the origin.
+/// Minimum distance relative to the one at home and to the target's distance from the origin.
 const NEAREST: f64 = 1e-4;
-/// Of the distance at home.
+/// Maximum distance relative to the one at home.
 const FARTHEST: f64 = 1e4;
 
 #[cfg(test)]
@@ -222,7 +226,7 @@ mod tests {
         camera.eye.distance(camera.target)
     }
 
-    /// How far a position of single precision may be off.
+    /// Tolerance of a single-precision position in metres.
     fn slack(camera: &Camera) -> f32 {
         1e-6 * (camera.eye.length() + camera.target.length() + 1.0)
     }
@@ -249,7 +253,7 @@ mod tests {
                 let seen = camera.camera();
                 prop_assert!((distance(&seen) - distance(&home)).abs() < slack(&home));
                 prop_assert!(seen.target.distance(home.target) < slack(&home));
-                // Never over a pole, where the picture would turn over.
+                // Never over a pole, where the picture would turn upside down.
                 let view = (seen.target - seen.eye).normalize();
                 prop_assert!(view.cross(seen.up).length() > 1e-3);
             }
@@ -306,12 +310,12 @@ mod tests {
         camera = in_front();
         camera.walk(DVec3::new(0.25, 0.5, 0.0));
         assert!(camera.camera().eye.distance(Vec3::new(1.0, -4.0, 2.0)) < 1e-6);
-        // Higher, and to where x grows.
+        // Upwards, and towards positive x.
         camera = in_front();
         camera.turn(0.1, 0.2);
         let eye = camera.camera().eye;
         assert!(eye.x > 0.0 && eye.z > 0.0, "{eye}");
-        // To the left, and up.
+        // To the left and upwards.
         camera = in_front();
         camera.look_around(0.1, 0.2);
         let target = camera.camera().target;
@@ -322,7 +326,7 @@ mod tests {
     fn what_is_at_the_targets_distance_follows_a_pan() {
         let mut camera = in_front();
         camera.pan(DVec2::new(0.5, 0.0));
-        // What was in the middle is at the right edge: half a width of 2 · 4 tan 22.5° away.
+        // What was in the middle is at the right edge, half a width of 2 · 4 tan 22.5° away.
         let half_width = 4.0 * 22.5_f32.to_radians().tan();
         assert!((camera.camera().target.x + half_width).abs() < 1e-5);
     }
@@ -357,7 +361,7 @@ mod tests {
         let after = camera.camera();
         assert!(after.eye.distance(before.eye) < 1e-5);
         assert_eq!((after.target, after.up), (before.target, Vec3::X));
-        // Along the axis itself, it steps aside.
+        // A view along the up vector is replaced by one beside it.
         let mut above = OrbitCamera::new(Camera::looking_at([0.0, 0.0, 5.0], [0.0; 3]));
         above.set_up(Vec3::Z);
         let seen = above.camera();

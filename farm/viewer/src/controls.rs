@@ -1,4 +1,4 @@
-//! Controls of the camera by pointer and held keys, and the list of all controls.
+//! Camera controls by pointer and held keys, and the list of all controls.
 
 use std::f64::consts::PI;
 
@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 
 use crate::camera::OrbitCamera;
 
-/// Controls as the help lists them: the texts `view-key-…` and `view-does-…` of each.
+/// Identifiers of all controls for the help, in the texts `view-key-…` and `view-does-…`.
 pub const CONTROLS: [&str; 20] = [
     "orbit",
     "pan",
@@ -31,7 +31,7 @@ pub const CONTROLS: [&str; 20] = [
     "quit",
 ];
 
-/// Turns what the pointer does over the picture into moves of the camera; whether there was any.
+/// Moves the camera by the pointer's actions on the picture; returns whether it has moved.
 pub(crate) fn point(camera: &mut OrbitCamera, picture: &Response, ui: &Ui) -> bool {
     let size = picture.rect.size().max(egui::Vec2::splat(1.0));
     let delta = picture.drag_delta();
@@ -51,21 +51,21 @@ pub(crate) fn point(camera: &mut OrbitCamera, picture: &Response, ui: &Ui) -> bo
             let turn = pixel_share * ORBIT_RAD;
             camera.turn(-turn.x, turn.y);
         } else if picture.dragged_by(PointerButton::Secondary) {
-            // What is under the pointer goes along with it.
+            // Scaled by the field of view, so that the point under the pointer follows it.
             let turn = pixel_share * camera.fov_x_deg().to_radians();
             camera.look_around(turn.x, turn.y);
         }
     }
     if picture.contains_pointer() && (scroll != 0.0 || pinch != 1.0) {
         has_moved = true;
+        // Added as logarithms of the distance, in which equal steps are equal factors at every distance.
         let nearer = f64::from(scroll) / ZOOM_POINTS + f64::from(pinch).ln();
         camera.zoom((-nearer).exp());
     }
     has_moved
 }
 
-/// The way that the keys which are held ask for, (right, up, forward), in distances of the target a
-/// second.
+/// Velocity requested by the held keys, (right, up, forward), in distances to the target per second.
 pub(crate) fn held(ui: &Ui) -> DVec3 {
     ui.input(|input| {
         if input.modifiers.command || input.modifiers.alt {
@@ -84,15 +84,15 @@ pub(crate) fn held(ui: &Ui) -> DVec3 {
     })
 }
 
-/// A walk, whose way depends on how long keys are held and not on how often that is looked at.
+/// Integrator of walking, whose path depends on how long keys are held and not on the frame rate.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Walk {
-    /// Velocity since when.
+    /// The velocity and the time from which on it holds, in seconds.
     going: Option<(DVec3, f64)>,
 }
 
 impl Walk {
-    /// The way since the last call, if `velocity` counts from now on.
+    /// The displacement since the last call; `velocity` holds from now on.
     pub fn advance(&mut self, velocity: DVec3, now_secs: f64) -> DVec3 {
         let way = match self.going {
             Some((before, since_secs)) => {
@@ -104,21 +104,21 @@ impl Walk {
         way
     }
 
-    /// Whether it goes on.
+    /// Whether the velocity is not zero.
     pub fn is_going(&self) -> bool {
         self.going.is_some()
     }
 }
 
-/// Once across the picture goes halfway round the target.
+/// Angle of a drag across the picture's width: half a turn around the target.
 const ORBIT_RAD: f64 = PI;
-/// Scrolling by so many points goes to 1/e of the distance: a notch of a wheel takes a tenth.
+/// Scrolled points that reduce the distance to 1/e: a notch of a wheel takes a tenth of it.
 const ZOOM_POINTS: f64 = 400.0;
-/// Distances of the target a second.
+/// Walking speed in distances to the target per second.
 const WALK_PER_SEC: f64 = 0.6;
-/// As fast with Shift.
+/// Factor of the walking speed with Shift.
 const FAST: f64 = 4.0;
-/// A window that has stood still for longer has not been looked at meanwhile.
+/// Maximum time step: in a longer one the window was stalled, and the user saw no motion.
 const STALL_SECS_MAX: f64 = 0.5;
 
 #[cfg(test)]
@@ -141,7 +141,7 @@ mod tests {
                 now += secs;
                 way += walk.advance(velocity, now);
             }
-            // Released between two looks: the last one still counts.
+            // Released between two calls: the last velocity still counts.
             now += 0.01;
             way += walk.advance(DVec3::ZERO, now);
             way += walk.advance(DVec3::ZERO, now + 1.0);
@@ -157,7 +157,7 @@ mod tests {
         assert_eq!(walk.advance(DVec3::ZERO, 1.0), DVec3::ZERO);
         assert_eq!(walk.advance(DVec3::X, 100.0), DVec3::ZERO);
         assert_eq!(walk.advance(DVec3::X, 100.5), DVec3::X * 0.5);
-        // A window that stood still has walked no farther than it could have been seen to.
+        // After a stall the camera has moved no further than the bounded time step allows.
         assert_eq!(walk.advance(DVec3::X, 200.0), DVec3::X * STALL_SECS_MAX);
     }
 }

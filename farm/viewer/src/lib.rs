@@ -1,4 +1,4 @@
-//! Viewer of scenes: a window on a live picture of a [`carom_farm::Farm`].
+//! Viewer of scenes: a window with a live picture of a [`carom_farm::Farm`].
 //!
 //! ```text
 //! app (winit) ─▶ viewer: camera, lights, exposure, panels ──Wanted──▶ render (a thread) ─▶ Farm
@@ -17,8 +17,8 @@
 //! assert_eq!(camera.camera().target, home.target);
 //! ```
 //!
-//! The window waits for nothing: [`render`] has the farm, and reads and writes files, on threads of its
-//! own. [`camera`] is geometry alone, and [`viewer`] knows no window, so that tests can play both.
+//! The window never blocks: [`render`] owns the farm, and accesses files, on threads of its own. [`camera`]
+//! is pure geometry, and [`viewer`] is independent of a window, so that tests can drive both.
 
 pub mod app;
 pub mod args;

@@ -3,19 +3,19 @@
 use carom_tracer::{Environment, Material, Scene};
 use glam::Vec3;
 
-/// Which of a scene's lights are on.
+/// On/off state of a scene's lights.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LightSwitches {
-    /// The sky; none if the scene has none.
+    /// The sky; `None` if the scene has none.
     pub sky: Option<bool>,
-    /// Its area lights, in their order.
+    /// The area lights, in the scene's order.
     pub lamps: Vec<bool>,
-    /// Whether there are lights that stay on: points, spots, suns and surfaces that glow.
+    /// Whether there are lights that cannot be switched: points, spots, suns and emissive surfaces.
     pub has_others: bool,
 }
 
 impl LightSwitches {
-    /// As a scene has it: all on.
+    /// Switches for the lights of a scene, all on.
     pub fn of(scene: &Scene) -> Self {
         let has_sky = scene.environment.radiance != Vec3::ZERO;
         Self {
@@ -26,7 +26,7 @@ impl LightSwitches {
         }
     }
 
-    /// Whether they are those of the same lights.
+    /// Whether they have the same lights as `other`.
     pub fn fit(&self, other: &Self) -> bool {
         self.sky.is_some() == other.sky.is_some() && self.lamps.len() == other.lamps.len()
     }
@@ -36,7 +36,7 @@ impl LightSwitches {
         self.sky != Some(true) && !self.lamps.contains(&true) && !self.has_others
     }
 
-    /// Switches a light: 0 is the sky, 1 the first area light; others are none.
+    /// Toggles a light: 0 is the sky, 1 the first area light; numbers without a light are ignored.
     pub fn toggle(&mut self, number: usize) {
         let switch = match number.checked_sub(1) {
             None => self.sky.as_mut(),
@@ -47,7 +47,7 @@ impl LightSwitches {
         }
     }
 
-    /// The scene with the lights that are on. Lamps that are off stay where they are, and are black.
+    /// The scene with only these lights on. Lamps that are off stay in place with zero radiance.
     pub fn apply(&self, scene: &Scene) -> Scene {
         let mut lit = scene.clone();
         if self.sky == Some(false) {

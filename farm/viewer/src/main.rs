@@ -1,4 +1,4 @@
-//! The viewer's command: arguments only.
+//! Entry point of the viewer: command line, logging and exit codes.
 
 use std::process::ExitCode;
 
@@ -9,7 +9,7 @@ use carom_window::display::Present;
 use clap::Parser as _;
 use mimalloc::MiMalloc;
 
-/// With glibc's an answer of 64 KiB over a loopback takes a quarter more time.
+/// With glibc's allocator an answer of 64 KiB over loopback takes a quarter more time.
 #[global_allocator]
 static ALLOCATOR: MiMalloc = MiMalloc;
 
@@ -25,7 +25,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// What is wrong with the arguments ends with 2, all else with 1.
+/// Invalid arguments yield exit code 2, all other errors 1.
 fn run(args: &Args) -> Result<(), (anyhow::Error, u8)> {
     let (config, present) = configuration(args).map_err(|error| (error, 2))?;
     app::run(args, config, present).map_err(|error| (error, 1))
@@ -38,5 +38,5 @@ fn configuration(args: &Args) -> anyhow::Result<(FarmConfig, Option<Present>)> {
     Ok((args.window.farm_config()?, args.window.presentation()?))
 }
 
-/// Libraries below warn of things that the person at the window can do nothing about.
+/// Log filter: libraries warn about things that the user cannot influence.
 const LOG: &str = "warn,wgpu_core=error,wgpu_hal=error,winit=error,sctk=error";

@@ -1,20 +1,20 @@
-//! Playback of a scene's animation: which, when in it, how fast.
+//! Playback of a scene's animation: which one, at what time, and how fast.
 
 use std::sync::Arc;
 
 use carom_farm::SceneAnimation;
 
-/// What plays, or stands still.
+/// State of the playback.
 #[derive(Clone, Debug)]
 pub(crate) struct Playback {
     animations: Arc<[SceneAnimation]>,
     animation: usize,
-    /// From the animation's start.
+    /// Time since the animation's start.
     secs: f64,
-    /// Seconds of the animation in a second.
+    /// Seconds of the animation per second.
     pub(crate) speed: f64,
     is_playing: bool,
-    /// When it was looked at last.
+    /// Time of the last advance.
     advanced: Option<f64>,
 }
 
@@ -25,7 +25,7 @@ impl Default for Playback {
 }
 
 impl Playback {
-    /// The start of the first animation, standing still.
+    /// Playback stopped at the start of the first animation.
     pub(crate) fn new(animations: Arc<[SceneAnimation]>) -> Self {
         Self {
             animations,
@@ -37,19 +37,19 @@ impl Playback {
         }
     }
 
-    /// Goes on in a file that has been read again, if its animations are the same.
+    /// Continues with a reread file if its animations are the same, otherwise starts anew.
     pub(crate) fn reread(&mut self, animations: Arc<[SceneAnimation]>) {
         if animations != self.animations {
             *self = Self::new(animations);
         }
     }
 
-    /// All that the scene has.
+    /// All animations of the scene.
     pub(crate) fn animations(&self) -> &Arc<[SceneAnimation]> {
         &self.animations
     }
 
-    /// What is to be shown: an animation and when in it, seconds; none if the scene has none.
+    /// The animation to show and the time in it in seconds; `None` if the scene has none.
     pub(crate) fn time(&self) -> Option<(usize, f64)> {
         let animation = self.animations.get(self.animation)?;
         Some((self.animation, self.secs.min(animation.duration_secs)))
@@ -64,37 +64,38 @@ impl Playback {
         self.is_playing
     }
 
-    /// Plays on, or stands still.
+    /// Starts or stops playing.
     pub(crate) fn toggle(&mut self) {
         self.is_playing = !self.is_playing && self.duration_secs() > 0.0;
         self.advanced = None;
     }
 
-    /// Shows another moment.
+    /// Moves to another time.
     pub(crate) fn seek(&mut self, secs: f64) {
         self.secs = secs.clamp(0.0, self.duration_secs());
     }
 
-    /// Shows another animation, from its start.
+    /// Selects another animation, from its start.
     pub(crate) fn choose(&mut self, animation: usize) {
         self.animation = animation;
         self.secs = 0.0;
         self.is_playing &= self.duration_secs() > 0.0;
     }
 
-    /// Plays as far as it is now; at its end it begins again.
+    /// Advances to the present time; at its end the animation starts again.
     pub(crate) fn advance(&mut self, now_secs: f64) {
         if !self.is_playing {
             return;
         }
         if let Some(before) = self.advanced.replace(now_secs) {
             self.secs += self.speed * (now_secs - before).max(0.0);
+            // The duration is not 0, or nothing would play.
             self.secs %= self.duration_secs();
         }
     }
 }
 
-/// Slowest and fastest.
+/// Minimum and maximum speed.
 pub(crate) const SPEEDS: [f64; 2] = [0.05, 8.0];
 
 #[cfg(test)]
@@ -125,7 +126,7 @@ mod tests {
         playback.toggle();
         playback.advance(99.0);
         assert_eq!(playback.time(), Some((0, 0.25)));
-        // The time that it stood still does not count.
+        // The time while it was stopped does not count.
         playback.toggle();
         playback.advance(100.0);
         playback.seek(9.0);

@@ -1,4 +1,4 @@
-//! Form of what is to be saved: file, size, samples, frames of a film.
+//! Form of what to save: file, size, samples, and frames of a film.
 
 use std::path::{Path, PathBuf};
 
@@ -8,38 +8,38 @@ use carom_tracer::ImageSize;
 
 use crate::render::{FrameView, SaveOrder};
 
-/// What is saved.
+/// Kind of output to save.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SaveKind {
-    /// A picture of what is seen.
+    /// The current picture.
     Still,
-    /// A film that goes once round the target.
+    /// A film of one turn around the target.
     Turntable,
     /// A film of the scene's animation.
     Animation,
 }
 
-/// What is to be saved, as a person has filled it in.
+/// Contents of the form.
 #[derive(Clone, Debug)]
 pub(crate) struct SaveForm {
-    /// The file's name.
+    /// Name of the file.
     pub(crate) path: String,
-    /// Pixels across and down; the window's until they are chosen.
+    /// Size in pixels; the window's until one is chosen.
     pub(crate) size: Option<[u32; 2]>,
     /// Samples per pixel.
     pub(crate) samples: u32,
-    /// Frames of a turntable.
+    /// Number of frames of a turntable.
     pub(crate) frames: u32,
-    /// The first and the last frame of an animation; all of it until they are chosen.
+    /// First and last frame of an animation; the whole animation until they are chosen.
     pub(crate) range: Option<[u32; 2]>,
-    /// Frames of a film in a second.
+    /// Frames per second of a film.
     pub(crate) frames_per_sec: u16,
-    /// Orders so far.
+    /// Number of orders so far.
     orders: u64,
 }
 
 impl SaveForm {
-    /// With a name that no file in `folder` has.
+    /// A form with a file name that is unused in `folder`.
     pub(crate) fn new(folder: &Path) -> Self {
         Self {
             path: free_name(folder, "png").display().to_string(),
@@ -52,32 +52,33 @@ impl SaveForm {
         }
     }
 
-    /// The picture's size in a window of so many pixels.
+    /// The picture's size, given the window's.
     pub(crate) fn size_in(&self, window: ImageSize) -> ImageSize {
         self.size
             .map_or(window, |[width, height]| ImageSize::new(width, height))
     }
 
-    /// The first and the last frame of an animation of so many seconds. All of it ends before its start would come again.
+    /// First and last frame of an animation of this duration. The whole animation ends before its first frame
+    /// would repeat.
     pub(crate) fn range_in(&self, duration_secs: f64) -> [u32; 2] {
         let frames = (duration_secs * f64::from(self.frames_per_sec)).round();
         let last = (frames as u32).saturating_sub(1).min(Self::FRAME_MAX);
         self.range.unwrap_or([0, last])
     }
 
-    /// The frames of an animation of so many seconds, each by its time in seconds.
+    /// The times in seconds of the frames of an animation of this duration.
     pub(crate) fn times_in(&self, duration_secs: f64) -> impl Iterator<Item = f64> + use<> {
         let [first, last] = self.range_in(duration_secs);
         let rate = f64::from(self.frames_per_sec);
         (first..=last).map(move |frame| f64::from(frame) / rate)
     }
 
-    /// The last frame that can be chosen.
+    /// Maximum number of a frame.
     pub(crate) const FRAME_MAX: u32 = 99_999;
-    /// Frames of a second at most.
+    /// Maximum frames per second.
     pub(crate) const RATE_MAX: u16 = 240;
 
-    /// The order of a still, or of a film that shows `views`.
+    /// Creates the order of a still, or of a film of `views`.
     pub(crate) fn order(
         &mut self,
         views: Arc<[FrameView]>,
@@ -102,7 +103,7 @@ impl SaveForm {
         self.orders
     }
 
-    /// Names the next file, after `saved` is there.
+    /// Selects the next unused file name after `saved` has been written.
     pub(crate) fn go_on(&mut self, saved: &Path) {
         if Path::new(self.path.trim()) == saved {
             let ending = saved.extension().unwrap_or_default().to_string_lossy();
@@ -112,16 +113,16 @@ impl SaveForm {
     }
 }
 
-/// The first of the usual names that is free in a folder.
+/// The first default name that is unused in a folder.
 fn free_name(folder: &Path, ending: &str) -> PathBuf {
     let names = (1..=NAMES_MAX).map(|number| folder.join(format!("view_{number:04}.{ending}")));
     let mut free = names.filter(|path| !path.exists());
     free.next().unwrap_or_default()
 }
 
-/// Smooth; a turntable lasts three seconds with the usual number of frames.
+/// Default frames per second; a turntable with the default number of frames lasts three seconds.
 const FRAMES_PER_SEC: u16 = 24;
-/// Names that are tried.
+/// Number of names that are tried.
 const NAMES_MAX: u32 = 9999;
 
 #[cfg(test)]
@@ -141,7 +142,7 @@ mod tests {
         std::fs::write(path("view_0002.exr"), "").unwrap();
         form.go_on(&path("view_0002.exr"));
         assert_eq!(Path::new(&form.path), path("view_0003.exr"));
-        // A name that has been changed meanwhile stays.
+        // A name edited meanwhile is kept.
         form.path = "mine.jpg".to_owned();
         form.go_on(&path("view_0003.exr"));
         assert_eq!(form.path, "mine.jpg");

@@ -1,4 +1,4 @@
-//! Orders of what is to be saved: a still, a turntable or an animation of what is seen.
+//! Orders to save the current view: a still, a turntable or an animation.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use crate::save_form::SaveKind;
 use crate::viewer::Viewer;
 
 impl Viewer {
-    /// Saves a picture or film.
+    /// Orders a picture or film to be saved.
     pub(crate) fn save(&mut self, kind: SaveKind) {
         if self.document.is_none() || self.saving.is_some() {
             return;
@@ -18,7 +18,7 @@ impl Viewer {
         self.renderer.want(|wanted| wanted.save = Some(order));
     }
 
-    /// What each frame shows of what is seen.
+    /// The view of each frame.
     fn views(&self, kind: SaveKind) -> Arc<[FrameView]> {
         let time = self.playback.time();
         let seen = |camera| FrameView {
@@ -43,7 +43,7 @@ impl Viewer {
         }
     }
 
-    /// Gives up what is being saved.
+    /// Cancels what is being saved.
     pub(crate) fn cancel_save(&mut self) {
         let last = self.form.orders();
         self.renderer.want(|wanted| wanted.cancelled_save = last);

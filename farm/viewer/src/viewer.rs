@@ -1,4 +1,4 @@
-//! Viewer: what is seen, and how; without a window, so that tests can play it.
+//! Viewer: the state of what is seen, independent of a window, so that tests can drive it.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -21,34 +21,34 @@ use crate::playback::Playback;
 use crate::render::{News, OpenedScene, Renderer, SceneLook, ShownPicture};
 use crate::save_form::{SaveForm, SaveKind};
 
-/// See the [module](self).
+/// State of the viewer; see the [module](self).
 pub struct Viewer {
     pub(crate) renderer: Renderer,
     pub(crate) document: Option<OpenedScene>,
     pub(crate) camera: OrbitCamera,
-    /// Which of the file's cameras is home.
+    /// Index of the file's camera that is home.
     pub(crate) file_camera: usize,
     pub(crate) home_of: Option<HomeMoment>,
     pub(crate) lights: LightSwitches,
     pub(crate) playback: Playback,
-    /// Powers of two by which radiance is brighter.
+    /// Exposure as a power of two.
     pub(crate) exposure_stops: f32,
     pub(crate) is_paused: bool,
     pub(crate) form: SaveForm,
-    /// Samples that gather.
+    /// Samples per pixel to gather.
     pub(crate) samples: u32,
     pub(crate) picture: Option<ShownPicture>,
     pub(crate) has_panel: bool,
     pub(crate) has_help: bool,
-    /// Whether a file is held over the window.
+    /// Whether a file is being dragged over the window.
     pub(crate) is_hovered: bool,
     /// A file that is being read.
     pub(crate) reading: Option<PathBuf>,
-    /// Why a file could not be opened, until something else is.
+    /// The reason why a file could not be opened, until another is.
     pub(crate) refusal: Option<String>,
-    /// Why there are no pictures; empty if there are.
+    /// The reason why there are no pictures; empty if there are.
     pub(crate) fault: String,
-    /// How far a file is that is being saved.
+    /// Progress of the file that is being saved, 0 to 1.
     pub(crate) saving: Option<f64>,
     pub(crate) window: ImageSize,
     pub(crate) toasts: Toasts,
@@ -64,19 +64,19 @@ pub struct Viewer {
     wants_fullscreen: bool,
 }
 
-/// What the camera that is home was last taken from.
+/// Source of the current home camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct HomeMoment {
     /// The number of the scene.
     pub(crate) scene: u64,
-    /// The number of the file's camera.
+    /// Index of the file's camera.
     pub(crate) camera: usize,
-    /// An animation and seconds in it.
+    /// An animation and the time in it in seconds.
     pub(crate) time: Option<(usize, f64)>,
 }
 
 impl Viewer {
-    /// Nothing yet. Pictures are of `samples` per pixel; files are saved into `folder`.
+    /// A viewer without a scene. Pictures gather `samples` per pixel; files are saved into `folder`.
     pub fn new(renderer: Renderer, samples: u32, folder: &Path) -> Self {
         Self {
             renderer,
@@ -113,7 +113,7 @@ impl Viewer {
         }
     }
 
-    /// What traces the pictures.
+    /// The renderer of the pictures.
     pub fn renderer(&self) -> &Renderer {
         &self.renderer
     }
@@ -128,22 +128,22 @@ impl Viewer {
             .want(|wanted| wanted.file = Some((asked, path)));
     }
 
-    /// Notes that a file is held over the window, or no more.
+    /// Records whether a file is being dragged over the window.
     pub fn hover(&mut self, is_hovered: bool) {
         self.is_hovered = is_hovered;
     }
 
-    /// Shows radiance times this power of two.
+    /// Sets the exposure as a power of two, clamped to ±`STOPS_MAX`.
     pub fn set_exposure_stops(&mut self, stops: f32) {
         self.exposure_stops = stops.clamp(-STOPS_MAX, STOPS_MAX);
     }
 
-    /// The window has so many pixels.
+    /// Sets the size of the window in pixels.
     pub fn resize(&mut self, window: ImageSize) {
         self.window = window;
     }
 
-    /// What the last redraw took, seconds.
+    /// Sets the duration of the last redraw in seconds.
     pub fn set_draw_secs(&mut self, draw_secs: f64) {
         self.draw_secs = draw_secs;
     }
@@ -161,22 +161,22 @@ impl Viewer {
         }
     }
 
-    /// Whether the program is to end.
+    /// Whether the program should end.
     pub fn wants_quit(&self) -> bool {
         self.wants_quit
     }
 
-    /// Whether the window is to fill the screen.
+    /// Whether the window should fill the screen.
     pub fn wants_fullscreen(&self) -> bool {
         self.wants_fullscreen
     }
 
-    /// When something has to be drawn again though nothing happens, seconds since the program began.
+    /// The time at which the next redraw without events is due, in seconds since the program began.
     pub fn next_secs(&self) -> Option<f64> {
         self.toasts.next_secs()
     }
 
-    /// Takes in what is new; whether anything is to be drawn.
+    /// Takes in the renderer's news; returns whether a redraw is needed.
     pub fn take_news(&mut self, now_secs: f64) -> bool {
         let mut news = self.renderer.take_news();
         let mut is_new = news.is_cleared || self.reading != news.reading;
@@ -259,7 +259,7 @@ impl Viewer {
         self.toasts.push(sentence, now_secs);
     }
 
-    /// What is to be known as long as it lasts.
+    /// Messages that stay as long as their cause.
     pub(crate) fn standing(&self) -> Vec<String> {
         let file = |path: &PathBuf| file_name(path);
         let reading = self.reading.as_ref();
@@ -279,7 +279,7 @@ impl Viewer {
             .collect()
     }
 
-    /// Draws the statistics; the part of the window that is left free.
+    /// Draws the statistics; returns the part of the window that they leave free.
     pub(crate) fn draw_stats(&mut self, ui: &Ui, now_secs: f64, present: &str) -> Rect {
         let ctx = ui.ctx();
         if !self.stats.is_shown() {
@@ -318,7 +318,7 @@ impl Viewer {
         room
     }
 
-    /// Does what keys mean that are pressed.
+    /// Handles pressed keys.
     pub(crate) fn press(&mut self, ui: &Ui) {
         if ui.ctx().text_edit_focused() {
             return;
@@ -375,7 +375,7 @@ impl Viewer {
         }
     }
 
-    /// Closes what was opened last.
+    /// Closes the help or else the message about a refused file.
     fn close(&mut self) {
         if self.has_help {
             self.has_help = false;
@@ -384,13 +384,13 @@ impl Viewer {
         }
     }
 
-    /// Back to the scene's own camera and exposure.
+    /// Returns to the scene's own camera and exposure.
     pub(crate) fn go_home(&mut self) {
         self.camera.go_home();
         self.exposure_stops = 0.0;
     }
 
-    /// Plays the animation.
+    /// Advances the animation.
     pub(crate) fn play(&mut self, ui: &Ui, now_secs: f64) {
         self.playback.advance(now_secs);
         if self.playback.is_playing() {
@@ -399,12 +399,12 @@ impl Viewer {
         }
     }
 
-    /// Moves the camera as pointer and keys want it.
+    /// Moves the camera by pointer and keys.
     pub(crate) fn look(&mut self, ui: &Ui, now_secs: f64) {
         let whole = ui.ctx().content_rect();
         let picture = ui.interact(whole, Id::unique("picture"), Sense::click_and_drag());
         if picture.clicked() || picture.dragged() {
-            // Keys are the camera's again.
+            // Gives the keyboard back to the camera.
             ui.ctx().memory_mut(|memory| memory.stop_text_input());
         }
         let has_text = ui.ctx().text_edit_focused();
@@ -423,7 +423,7 @@ impl Viewer {
         self.has_moved |= is_pointed || way != glam::DVec3::ZERO;
     }
 
-    /// Tells the renderer what is wanted, if it has changed.
+    /// Passes the wanted state to the renderer if it has changed.
     pub(crate) fn follow(&mut self) {
         self.follow_camera();
         let look = self.document.as_ref().map(|document| SceneLook {
@@ -455,7 +455,7 @@ impl Viewer {
         });
     }
 
-    /// Radiance is shown times this.
+    /// The factor on radiance for display.
     pub(crate) fn exposure(&self) -> f32 {
         self.exposure_stops.exp2()
     }
@@ -472,15 +472,15 @@ fn file_name(path: &Path) -> String {
     name.to_string_lossy().into_owned()
 }
 
-/// Exposure at most, in powers of two.
+/// Maximum exposure in powers of two.
 pub(crate) const STOPS_MAX: f32 = 10.0;
-/// Exposure by a key.
+/// Change of exposure per key press, in powers of two.
 const STOPS_STEP: f32 = 0.5;
-/// A picture that gathers samples is late after so long.
+/// Time in seconds after which a refined picture counts as late.
 const REFINEMENT_SECS: f64 = 1.0;
-/// Where recordings of statistics go.
+/// Folder for recordings of statistics.
 const STATS_FOLDER: &str = "carom-stats";
-/// The sky, and the first lamps.
+/// Keys of the sky and the first lamps.
 const NUMBER_KEYS: [Key; 10] = [
     Key::Num0,
     Key::Num1,

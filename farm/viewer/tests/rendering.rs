@@ -1,4 +1,4 @@
-//! The renderer with a farm of this machine's processor: files in, pictures out.
+//! Tests of the renderer with a farm on this machine's CPU: files in, pictures out.
 
 mod dolly;
 
@@ -17,7 +17,7 @@ use tempfile::TempDir;
 const SIZE: ImageSize = ImageSize::new(48, 32);
 const SAMPLES: u32 = 32;
 
-/// A renderer, and what it has told.
+/// A renderer and the news that it has reported.
 struct Viewing {
     renderer: Renderer,
     folder: TempDir,
@@ -74,7 +74,7 @@ impl Viewing {
         path
     }
 
-    /// Asks for a file, and waits until it is open.
+    /// Requests a file, and waits until it is open.
     fn open(&mut self, path: &Path) -> OpenedScene {
         self.ask(path);
         self.until(|news| news.opened.take())
@@ -86,7 +86,7 @@ impl Viewing {
         self.renderer.want(|wanted| wanted.file = file);
     }
 
-    /// The first of what is looked for among the news.
+    /// Waits for the first news of the wanted kind.
     fn until<T>(&self, wanted: impl Fn(&mut News) -> Option<T>) -> T {
         let deadline = Instant::now() + PATIENCE;
         loop {
@@ -258,7 +258,7 @@ fn a_file_that_changes_is_read_again_and_seen_as_before() {
     let again = viewing.until(|news| news.opened.take());
     assert_eq!((again.number, again.is_reread), (2, true));
     assert_eq!(again.file.scene().objects.len(), 3);
-    // By the same camera and lights, though nobody has said so since.
+    // With the same camera and lights, although they have not been set since.
     let after = viewing.whole();
     let differing = before.frame.rgba.iter().zip(&after.frame.rgba);
     let differing = differing.filter(|(a, b)| a[0].abs_diff(b[0]) > 24).count();
@@ -267,7 +267,7 @@ fn a_file_that_changes_is_read_again_and_seen_as_before() {
         (pixels / 200..pixels / 3).contains(&differing),
         "{differing} of {pixels}"
     );
-    // And when it is asked for.
+    // Also on request.
     viewing.ask(&path);
     assert!(viewing.until(|news| news.opened.take()).is_reread);
 }
@@ -307,14 +307,14 @@ fn stills_and_turntables_are_saved_as_their_names_say() {
     assert!(why.contains("nowhere"), "{why}");
 }
 
-/// Pixels of each frame of a Y4M film, and of a still, that are dark.
+/// The columns of a luma plane that contain a dark pixel.
 fn dark_columns(luma: &[u8], width: usize) -> Vec<usize> {
     let columns = 0..width;
     let is_dark = |x: &usize| luma.iter().skip(*x).step_by(width).any(|value| *value < 90);
     columns.filter(is_dark).collect()
 }
 
-/// The columns in which the square is, of each frame of a film.
+/// The columns of the square in each frame of a film.
 fn squares(film: &Path) -> Vec<Vec<usize>> {
     let bytes = std::fs::read(film).unwrap();
     let header = bytes.iter().position(|byte| *byte == b'\n').unwrap() + 1;
@@ -336,7 +336,7 @@ fn an_animation_is_saved_as_its_frames_look() {
         };
         secs.iter().map(view).collect::<Vec<_>>()
     };
-    // The camera rides to the right, so that the square goes to the left.
+    // The camera moves to the right, so the square moves to the left.
     let ride = frames(0, &[0.0, 1.0, 2.0], FrameCamera::OfFile(0));
     let saved = viewing.save("ride.y4m", ride, Some(24)).unwrap();
     let squares_of_ride = squares(&saved);
@@ -344,7 +344,7 @@ fn an_animation_is_saved_as_its_frames_look() {
     assert!(lefts.is_sorted_by(|a, b| a > b), "{squares_of_ride:?}");
     let is_as_wide = |square: &Vec<usize>| square.len().abs_diff(squares_of_ride[0].len()) <= 1;
     assert!(squares_of_ride.iter().all(is_as_wide));
-    // A camera that stands sees that nothing else moves.
+    // A fixed camera shows that nothing else moves.
     let opened = scene_of(&viewing);
     let stand = frames(0, &[0.0, 1.0, 2.0], FrameCamera::Placed(opened));
     let saved = viewing.save("stand.y4m", stand, Some(24)).unwrap();
@@ -353,12 +353,12 @@ fn an_animation_is_saved_as_its_frames_look() {
             .iter()
             .all(|square| *square == squares_of_ride[0])
     );
-    // What is deformed is another scene in each frame.
+    // A deformed mesh is another scene in each frame.
     let growth = frames(1, &[0.0, 2.5, 5.0], FrameCamera::OfFile(1));
     let saved = viewing.save("growth.y4m", growth, Some(24)).unwrap();
     let widths: Vec<usize> = squares(&saved).iter().map(Vec::len).collect();
     assert!(widths.is_sorted_by(|a, b| a < b), "{widths:?}");
-    // A still of a moment is that frame.
+    // A still at the same time equals that frame.
     let still = frames(0, &[1.0], FrameCamera::OfFile(0));
     let saved = viewing.save("still.png", still, None).unwrap();
     let file = std::io::BufReader::new(std::fs::File::open(saved).unwrap());
@@ -396,7 +396,7 @@ fn an_animation_that_is_stopped_goes_on_under_the_same_name() {
     let views: Vec<FrameView> = (0..60).map(view).collect();
     viewing.order("growth.png", views.clone(), Some(24), 512);
     viewing.until(|news| news.saving.filter(|done| *done > 1.5 / 60.0));
-    // It is looked at meanwhile.
+    // Meanwhile the live view still works.
     viewing.renderer.want(|wanted| wanted.exposure = 0.5);
     viewing.until(|news| news.picture.take());
     viewing.renderer.want(|wanted| wanted.cancelled_save = 1);
@@ -405,7 +405,7 @@ fn an_animation_that_is_stopped_goes_on_under_the_same_name() {
     assert!(!viewing.path("growth.png").exists());
     let first = viewing.path("growth.png.frames").join("frame_0000.png");
     let written = std::fs::metadata(&first).unwrap().modified().unwrap();
-    // Other samples are another film, which does not take its place.
+    // Another number of samples makes another film, which does not replace the first.
     let why = viewing
         .save("growth.png", views.clone(), Some(24))
         .unwrap_err();
@@ -430,7 +430,7 @@ fn a_long_save_tells_how_far_it_is_and_can_be_cancelled() {
     let many = 1 << 16;
     viewing.order("a.png", vec![placed(scene().camera)], None, many);
     viewing.until(|news| news.saving.filter(|done| *done > 0.0));
-    // It is looked at meanwhile.
+    // Meanwhile the live view still works.
     viewing.renderer.want(|wanted| wanted.exposure = 0.5);
     viewing.until(|news| news.picture.take());
     viewing.renderer.want(|wanted| wanted.cancelled_save = 1);
@@ -492,5 +492,5 @@ fn a_configuration_that_cannot_be_used_is_told_and_closing_does_not_wait() {
     assert!(why.contains("no/such/folder"), "{why}");
 }
 
-/// A machine that is busy with other tests takes long.
+/// Generous, since the machine may be busy with other tests.
 const PATIENCE: Duration = Duration::from_secs(120);

@@ -1,4 +1,4 @@
-//! Options that programs with a window have in common.
+//! Command-line options shared by programs with a window.
 
 use std::path::{Path, PathBuf};
 
@@ -35,25 +35,25 @@ pub struct WindowArgs {
     pub translation: Option<PathBuf>,
 }
 
-/// A reason why options cannot be followed.
+/// Reason why the options cannot be applied.
 #[derive(Debug, thiserror::Error)]
 pub enum ArgsFault {
     /// The farm's configuration cannot be read.
     #[error(transparent)]
     Config(#[from] carom_farm::Error),
-    /// Nobody would make pictures.
+    /// No device and no node would trace pictures.
     #[error(
         "no renderer is configured: --backend none (or `local` in the configuration) disables this \
          machine, and no node is given. Add --node HOST:PORT, or use --backend auto"
     )]
     NoRenderer,
-    /// The environment variable holds something else than `--present` takes.
+    /// The environment variable holds a value that `--present` does not accept.
     #[error("CAROM_PRESENT is `{0}`: it must be vulkan, gl or software")]
     Present(String),
 }
 
 impl WindowArgs {
-    /// The farm that the configuration file and the options describe; options win.
+    /// The farm that the configuration file and the options describe; options override the file.
     ///
     /// # Errors
     /// [`ArgsFault::Config`] with the file and what is wrong in it, [`ArgsFault::NoRenderer`].
@@ -78,11 +78,10 @@ impl WindowArgs {
         Ok(config)
     }
 
-    /// The way of presenting that the option, else the environment variable `CAROM_PRESENT`, asks
-    /// for.
+    /// The presentation requested by the option or else by the environment variable `CAROM_PRESENT`.
     ///
     /// # Errors
-    /// [`ArgsFault::Present`].
+    /// [`ArgsFault::Present`] if the variable holds no presentation.
     pub fn presentation(&self) -> Result<Option<Present>, ArgsFault> {
         let variable = std::env::var("CAROM_PRESENT").unwrap_or_default();
         if self.present.is_some() || variable.is_empty() {

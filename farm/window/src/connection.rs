@@ -1,34 +1,34 @@
-//! Connection to the display, and the sentence where there is none.
+//! Connection to the display, and the error message if there is none.
 
 use carom_text::text;
 use winit::event_loop::EventLoop;
 
-/// A reason why there is no window to show pictures in.
+/// Reason why pictures cannot be shown in a window.
 #[derive(Debug, thiserror::Error)]
 pub enum WindowError {
-    /// The system gives no window.
+    /// The system opens no window.
     #[error("{advice}: {reason}")]
     NotOpened {
-        /// Environment, and what helps.
+        /// The relevant environment variables, and advice.
         advice: String,
-        /// The windowing library's words.
+        /// The error of the windowing library.
         reason: String,
     },
-    /// No way of presenting works.
+    /// No presentation works on the window.
     #[error(
         "the window cannot be drawn on ({tried}). A Vulkan driver helps, on Debian or Ubuntu \
          `apt install mesa-vulkan-drivers`; `{instead}` needs none"
     )]
     NotDrawnOn {
-        /// Each way, with its reason.
+        /// Each presentation that was tried, with its error.
         tried: String,
-        /// A command that needs no window.
+        /// A command that does without a window.
         instead: &'static str,
     },
 }
 
 impl WindowError {
-    /// Of a system that gives no window, for the `reason`; the command `instead` needs none.
+    /// The error of a system that opens no window for this `reason`; the command `instead` does without one.
     pub fn not_opened(instead: &str, reason: impl ToString) -> Self {
         let variable = |name: &str| match std::env::var(name) {
             Ok(value) => format!("{name}={value}"),
@@ -46,19 +46,20 @@ impl WindowError {
     }
 }
 
-/// Whether no window can be opened because nothing names a display. Systems other than Linux always
-/// have one.
+/// Whether no window can be opened because no display is named in the environment. Only on Linux; other
+/// systems always have a display.
 pub fn is_displayless() -> bool {
     let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     cfg!(target_os = "linux") && !is_set("DISPLAY") && !is_set("WAYLAND_DISPLAY")
 }
 
-/// Opens the connection to the display. Libraries that the system lacks make winit panic or fail,
-/// depending on which; both become the same sentence, which names the command `instead`.
+/// Opens the connection to the display. A missing system library makes winit panic or fail, depending on
+/// which it is; both become the same error, which names the command `instead`.
 ///
 /// # Errors
-/// [`WindowError::NotOpened`].
+/// [`WindowError::NotOpened`] if there is no display.
 pub fn open_event_loop<T: 'static>(instead: &str) -> Result<EventLoop<T>, WindowError> {
+    // Silences winit's panic, which becomes an error below.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
     let opened = std::panic::catch_unwind(|| EventLoop::<T>::with_user_event().build());
@@ -70,7 +71,7 @@ pub fn open_event_loop<T: 'static>(instead: &str) -> Result<EventLoop<T>, Window
     }
 }
 
-/// winit puts the line of its own source in front.
+/// The reason in winit's error, without the location in its source that precedes it.
 fn reason(error: &str) -> &str {
     let after_file = error.rsplit_once(".rs:").map_or(error, |(_, rest)| rest);
     after_file.split_once(": ").map_or(error, |(_, why)| why)

@@ -1,11 +1,11 @@
-//! Batches of window events, each of which the interface takes at once.
+//! Batches of window events, each of which egui handles in one pass.
 
 use egui::{Event, RawInput};
 
-/// Splits what came since the last picture where a button went down or up, and before each key that goes
-/// down. egui looks for what is under the pointer once a pass, where it is at the end: of a slider that is
-/// drawn from one place to another between two slow pictures it would see a pointer that is already gone.
-/// And it moves the keyboard's focus once a pass, however often Tab was pressed.
+/// Splits the events since the last frame before and after each press or release of a button, and before each
+/// second key press. egui hit-tests once per pass, at the pointer's final position: if a slider were dragged
+/// between two slow frames in a single pass, the pointer would have left it already. Keyboard focus likewise
+/// moves once per pass, however often Tab was pressed.
 pub fn passes(mut raw: RawInput) -> Vec<RawInput> {
     let events = std::mem::take(&mut raw.events);
     let mut passes = Vec::with_capacity(1);
@@ -15,7 +15,7 @@ pub fn passes(mut raw: RawInput) -> Vec<RawInput> {
         let is_button = matches!(event, Event::PointerButton { .. });
         let is_key = matches!(event, Event::Key { pressed: true, .. });
         let is_pointer = is_button || matches!(event, Event::PointerMoved(_));
-        // What is pressed is where the pointer was before.
+        // A press acts at the position where the pointer was before it.
         let is_after_button = was_button && is_pointer;
         if is_after_button || (is_button && !pass.events.is_empty()) || (has_key && is_key) {
             passes.push(std::mem::replace(&mut pass, raw.clone()));
@@ -87,7 +87,7 @@ mod tests {
         assert_eq!(quick, slow);
     }
 
-    /// Windows tell of more than the pointer while a button is down.
+    /// Platforms also send other events than the pointer's while a button is held.
     #[test]
     fn a_drag_begins_in_a_pass_of_its_own_whatever_comes_between() {
         let (from, to) = (pos2(20.0, 10.0), pos2(150.0, 10.0));

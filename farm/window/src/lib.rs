@@ -1,4 +1,4 @@
-//! Pictures of a [`carom_farm::Farm`] in a window, for the applications that show them.
+//! Window for pictures of a [`carom_farm::Farm`], shared by the applications that show them.
 //!
 //! ```text
 //! picture ─▶ display ─▶ window (Vulkan, OpenGL or the processor)

@@ -1,16 +1,16 @@
-//! Notifications of the farm: a sentence when something changes, and one that stays while
-//! there is no picture. Nothing waits for either.
+//! Notifications about the farm: a sentence when something changes, and a permanent one while there is no
+//! picture. Nothing waits for either.
 //!
-//! | what is | what happens | what is said |
+//! | situation | reaction | notification |
 //! |---|---|---|
-//! | no GPU | the CPU traces, coarser while things move | once, with its threads |
-//! | no nodes set up | this machine traces | nothing: that is the game as it comes |
-//! | a node is slow | its share of the tiles shrinks | once, with how much slower it has been for seconds; and when it no longer is |
-//! | a node is lost | others trace its tiles, it is called again | once, with why; and when it is back |
-//! | all nodes lost | this machine goes on alone; with no local tracer the last picture stays | the first once, the second as long as it lasts |
-//! | a bad network | pictures are asked for earlier, precision falls | once, with the round trip |
-//! | two nodes send different pixels | one further traces the tile, who is alone is dropped as a lost node | once, with both, where there is no third |
-//! | another version, UDP blocked | as a lost node | the reason says what to do |
+//! | no GPU | the CPU traces, more coarsely while things move | once, with the number of its threads |
+//! | no nodes configured | this machine traces | none: the default |
+//! | slow node | its share of the tiles shrinks | after seconds, with the factor; again on recovery |
+//! | lost node | others trace its tiles, the link reconnects | once, with the reason; again when it is back |
+//! | all nodes lost | local tracing; without a local tracer the last picture stays | once; the latter stays |
+//! | slow network | pictures are requested earlier, precision falls | once, with the round-trip time |
+//! | two nodes' pixels differ | a third traces the tile, the minority is dropped | if there is no third |
+//! | another version, UDP blocked | as a lost node | with advice in the reason |
 
 use carom_farm::{NodeState, NodeStatus};
 use carom_text::text;
@@ -18,26 +18,26 @@ use carom_tracer::DeviceKind;
 
 use crate::speed_history::SpeedHistory;
 
-/// Remembers what was said.
+/// Source of notifications, which remembers what has been reported.
 #[derive(Clone, Debug, Default)]
 pub struct FarmNotifier {
     seen: Vec<NodeNotice>,
-    /// Whether latency makes no difference to what is seen.
+    /// Whether latency is irrelevant to what the user sees.
     ignores_latency: bool,
-    /// Whether the player knows that there is no GPU.
+    /// Whether the user has been told that there is no GPU.
     told_of_cpu: bool,
 }
 
 #[derive(Clone, Debug, Default)]
 struct NodeNotice {
-    /// Nothing is known yet.
+    /// Last known availability; `None` at first.
     standing: Option<Availability>,
     was_ready: bool,
     speeds: SpeedHistory,
     slow: bool,
     far: bool,
     doubted: bool,
-    /// When a sentence was last said of it.
+    /// Time of the last notification about this node.
     said_secs: Option<f64>,
 }
 
@@ -48,7 +48,7 @@ enum Availability {
 }
 
 impl FarmNotifier {
-    /// Of an application that shows frames when they come, and asks for none ahead of their time.
+    /// A notifier for an application that shows frames as they arrive and requests none ahead of time.
     pub fn without_latency() -> Self {
         Self {
             ignores_latency: true,
@@ -56,7 +56,7 @@ impl FarmNotifier {
         }
     }
 
-    /// What is new of `nodes` at `now_secs`, a sentence each.
+    /// The news about `nodes` at `now_secs`, one sentence each.
     pub fn observe(&mut self, nodes: &[NodeStatus], now_secs: f64) -> Vec<String> {
         let ignores_latency = self.ignores_latency;
         self.seen.resize_with(nodes.len(), NodeNotice::default);
@@ -80,7 +80,8 @@ impl FarmNotifier {
                 .is_some_and(|said| now_secs - said < QUIET_SECS);
             let note = seen
                 .changed(node, others(index))
-                // What is not said now will be, if it is still so then.
+                // Not evaluated while notes are suppressed, so that slowness that persists is reported
+                // afterwards.
                 .or_else(|| (!again).then(|| seen.slowed(node, fastest)).flatten())
                 .or_else(|| seen.distanced(node).filter(|_| !ignores_latency))
                 .or_else(|| seen.doubted(node));
@@ -138,7 +139,7 @@ impl NodeNotice {
     fn slowed(&mut self, node: &NodeStatus, fastest: f64) -> Option<String> {
         let share = self.speeds.median()? / fastest.max(1e-9);
         let was_slow = self.slow;
-        // Between the two it stays what it was, so that it is not said again and again.
+        // Two thresholds, so that a speed near one of them is not reported again and again.
         self.slow = share < if was_slow { SLOW_ENDS } else { SLOW };
         match (was_slow, self.slow) {
             (false, true) => {
@@ -171,7 +172,7 @@ impl NodeNotice {
     }
 }
 
-/// Why no node makes pictures now, if none does: shown until one does.
+/// The reason why no node produces pictures, if none does: shown until one does.
 pub fn standing(nodes: &[NodeStatus]) -> Option<String> {
     if nodes.iter().any(|node| node.state.is_ready()) {
         return None;
@@ -187,7 +188,7 @@ pub fn standing(nodes: &[NodeStatus]) -> Option<String> {
     Some(text!("farm-no-node", nodes = lost.join("; ")))
 }
 
-/// How much of the scene the node has that has most of it, while nodes are sent a long one.
+/// Progress of the node that has most of a long scene which nodes are being sent.
 fn sending(nodes: &[NodeStatus]) -> Option<String> {
     let progress = nodes.iter().filter_map(|node| match node.state {
         NodeState::Syncing { bytes, of } if of > 0 => Some((bytes, of)),
@@ -198,7 +199,7 @@ fn sending(nodes: &[NodeStatus]) -> Option<String> {
     Some(text!("farm-sending", bytes = bytes, of = of))
 }
 
-/// The farm in a line: which nodes make the pictures, with their devices.
+/// One line about the farm: the nodes that produce the pictures, with their devices.
 pub fn line(nodes: &[NodeStatus]) -> String {
     if let Some(sentence) = standing(nodes) {
         return sentence;
@@ -224,7 +225,7 @@ pub fn line(nodes: &[NodeStatus]) -> String {
     )
 }
 
-/// Megabytes with one decimal.
+/// Formats bytes as megabytes with one decimal.
 pub(crate) fn megabytes(bytes: u64) -> String {
     format!("{:.1}", bytes as f64 / 1e6)
 }
@@ -238,15 +239,15 @@ fn name(node: &NodeStatus) -> &str {
     }
 }
 
-/// The address of the node inside the game.
+/// Address of the node inside the program.
 const LOCAL: &str = "local";
-/// So much slower than the fastest is worth a sentence; and no longer.
+/// Speed relative to the fastest node below which a node is reported as slow, and above which no longer.
 const SLOW: f64 = 0.125;
 const SLOW_ENDS: f64 = 0.25;
-/// A round trip that delays moving pictures by more than people take for immediate.
+/// Round-trip time in seconds above which moving pictures are noticeably delayed, and below which no longer.
 const FAR_SECS: f64 = 0.2;
 const FAR_ENDS_SECS: f64 = 0.1;
-/// A node that comes and goes is not told of more often.
+/// Minimum time between notifications about one node.
 const QUIET_SECS: f64 = 10.0;
 
 #[cfg(test)]
@@ -395,7 +396,7 @@ mod tests {
         assert_eq!(standing(&nodes).unwrap(), "Waiting for the first frame");
     }
 
-    /// A farm in which one node has this speed, others ten.
+    /// A farm in which one node has this speed, and the others speed 10.
     fn farm_with(speed: f64) -> [NodeStatus; 2] {
         let mut slow = node("attic:1", NodeState::Ready);
         slow.msamples_per_sec = speed;

@@ -1,4 +1,4 @@
-//! An open window with its display and the state of its interface.
+//! Open window with its display and the state of its interface.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,32 +14,32 @@ use crate::display::{Display, Present, UiFrame};
 use crate::input_batches::passes;
 use crate::theme;
 
-/// An open window, and egui's state, whose textures live in the display.
+/// Open window with egui's state, whose textures are in the display.
 pub struct Screen {
     /// The window.
     pub window: Arc<Window>,
-    /// What it shows pictures with.
+    /// The display of pictures and interface.
     pub display: Display,
-    /// The interface.
+    /// egui's context.
     pub egui: egui::Context,
-    /// What the interface is told of.
+    /// Collector of the interface's input.
     pub input: EguiState,
 }
 
-/// An interface that is ready to be shown.
+/// Output of an interface pass, ready to be shown.
 pub struct Interface {
-    /// What is drawn.
+    /// What to draw.
     pub frame: UiFrame,
-    /// When it wants to be drawn again, if nothing happens.
+    /// Time after which it must be drawn again even without events.
     pub repaint_delay: Duration,
 }
 
 impl Screen {
-    /// Opens a display on a window, in the way that is `present`, or else the first that works; the
-    /// command `instead` needs no window.
+    /// Opens a display on a window, with the given presentation or else the first that works. Errors name the
+    /// command `instead`, which needs no window.
     ///
     /// # Errors
-    /// [`WindowError::NotDrawnOn`].
+    /// [`WindowError::NotDrawnOn`] if no presentation works.
     pub fn open(
         window: Arc<Window>,
         event_loop: &ActiveEventLoop,
@@ -74,20 +74,20 @@ impl Screen {
         })
     }
 
-    /// Pixels of the window.
+    /// Size of the window in pixels.
     pub fn size(&self) -> ImageSize {
         let size = self.window.inner_size();
         ImageSize::new(size.width, size.height)
     }
 
-    /// A scale of text that the window has room for, at most `wanted`.
+    /// The largest text scale for which the window has room, at most `wanted`.
     pub fn text_scale(&self, wanted: f32) -> f32 {
         let size = self.window.inner_size();
         let points = egui::vec2(size.width as f32, size.height as f32);
         theme::fitting_scale(wanted, points / self.window.scale_factor() as f32)
     }
 
-    /// Gives the interface a press of a key, as another device means it.
+    /// Sends a key press and release to the interface, for input of another device.
     pub fn press(&mut self, (key, modifiers): (egui::Key, egui::Modifiers)) {
         let events = &mut self.input.egui_input_mut().events;
         events.extend([true, false].map(|pressed| egui::Event::Key {
@@ -99,13 +99,13 @@ impl Screen {
         }));
     }
 
-    /// Whether something of the interface lies at a place, in points.
+    /// Whether a panel of the interface lies at a position in points.
     pub fn is_panel_at(&self, place: egui::Pos2) -> bool {
         let layer = self.egui.layer_id_at(place);
         layer.is_some_and(|layer| layer.order != egui::Order::Background)
     }
 
-    /// Runs the interface on what has happened since the last time.
+    /// Runs the interface on the events since the last call.
     pub fn run_interface(&mut self, mut draw: impl FnMut(&mut Ui)) -> Interface {
         let raw = self.input.take_egui_input(&self.window);
         let mut output = egui::FullOutput::default();
@@ -128,5 +128,5 @@ impl Screen {
     }
 }
 
-/// Pixels along an edge of a texture that every display takes.
+/// Maximum edge of a texture in pixels that every display supports.
 const TEXTURE_EDGE_MAX: usize = 2048;

@@ -1,15 +1,15 @@
-//! The speed of a node over the last seconds, of which one slow tile says nothing.
+//! Speed of a node over the last seconds, robust against single slow tiles.
 
 use std::collections::VecDeque;
 
-/// Moments and speeds, the oldest first.
+/// Samples of time in seconds and speed, the oldest first.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SpeedHistory {
     samples: VecDeque<(f64, f64)>,
 }
 
 impl SpeedHistory {
-    /// Takes in the speed at a moment; without one everything is forgotten.
+    /// Adds the speed at a time; `None` clears the history.
     pub(crate) fn add(&mut self, now_secs: f64, speed: Option<f64>) {
         let Some(speed) = speed else {
             return self.samples.clear();
@@ -22,7 +22,7 @@ impl SpeedHistory {
             .retain(|(secs, _)| now_secs - secs <= KEPT_SECS);
     }
 
-    /// The median, once it is of some seconds.
+    /// The median speed, once the samples span several seconds.
     pub(crate) fn median(&self) -> Option<f64> {
         let (oldest, newest) = (self.samples.front()?.0, self.samples.back()?.0);
         let mut speeds: Vec<f64> = self.samples.iter().map(|(_, speed)| *speed).collect();
@@ -36,6 +36,6 @@ impl SpeedHistory {
 
 const STEP_SECS: f64 = 0.25;
 const KEPT_SECS: f64 = 5.0;
-/// Less says too little.
+/// Minimum time span in seconds for a median.
 const SPAN_SECS: f64 = 3.5;
 const COUNT_MIN: usize = 3;

@@ -1,34 +1,34 @@
-//! The look of every panel: colours with enough contrast over any picture, and sizes of text.
+//! Theme of all panels: colours with sufficient contrast over any picture, and text sizes.
 
 use egui::{
     Color32, Context, CornerRadius, FontDefinitions, FontFamily, FontId, Frame, Margin, Plugin,
     Stroke, StrokeKind, TextStyle, Ui,
 };
 
-/// Behind text: dark and half-transparent, so that text of [`INK`] keeps a contrast above 7 to 1 over
+/// Background of text: dark and semi-transparent, so that text in [`INK`] keeps a contrast above 7 to 1 over
 /// any picture.
 pub const PANEL: Color32 = Color32::from_rgba_premultiplied(10, 12, 14, 215);
 /// Text.
 pub const INK: Color32 = Color32::from_rgb(235, 235, 230);
-/// Text that explains.
+/// Secondary, explanatory text.
 pub const FAINT: Color32 = Color32::from_rgb(176, 178, 176);
-/// Keys, headings, what is chosen.
+/// Keys, headings and selected items.
 pub const ACCENT: Color32 = Color32::from_rgb(240, 200, 110);
-/// Round what has the keyboard.
+/// Outline of the item with the keyboard focus.
 pub const FOCUS: Color32 = Color32::from_rgb(120, 200, 255);
-/// What went wrong; always beside words that say so.
+/// Errors; always with words that say so.
 pub const ALARM: Color32 = Color32::from_rgb(255, 150, 120);
 
-/// Gives `ctx` this look; call it once, and again when the player changes one of these.
+/// Applies the theme to `ctx`; call it once, and again when the user changes one of the arguments.
 ///
-/// `text_scale` from 0.75 to 2.5 scales text and panels alike. With `reduced_motion` nothing slides or
+/// `text_scale`, from 0.75 to 2.5, scales text and panels alike. With `reduced_motion` nothing slides or
 /// fades.
 pub fn apply(ctx: &Context, text_scale: f32, reduced_motion: bool) {
     ctx.set_theme(egui::Theme::Dark);
     ctx.set_fonts(fonts());
     ctx.add_plugin(FocusOutline);
     set_scale(ctx, text_scale);
-    // The settings own the scale.
+    // Zooming is controlled by the settings alone.
     ctx.options_mut(|options| options.zoom_with_keyboard = false);
     ctx.all_styles_mut(|style| {
         style.text_styles = [
@@ -49,9 +49,9 @@ pub fn apply(ctx: &Context, text_scale: f32, reduced_motion: bool) {
         visuals.selection.bg_fill = Color32::from_rgb(110, 84, 30);
         visuals.selection.stroke = Stroke::new(2.0, ACCENT);
         visuals.widgets.hovered.bg_stroke = Stroke::new(1.0, ACCENT);
-        // Both what is pressed and what has the keyboard, which FocusOutline tells apart.
+        // egui uses this for both pressed and focused widgets, which FocusOutline distinguishes.
         visuals.widgets.active.bg_stroke = Stroke::new(1.0, ACCENT);
-        // Beside what is scrolled, not over it.
+        // Scroll bars beside the content, not over it.
         style.spacing.scroll = egui::style::ScrollStyle {
             bar_width: 8.0,
             ..egui::style::ScrollStyle::solid()
@@ -65,8 +65,8 @@ pub fn apply(ctx: &Context, text_scale: f32, reduced_motion: bool) {
     });
 }
 
-/// An outline round what has the keyboard, off its edge, where the mark of the pointer never is: it has to be seen from
-/// afar.
+/// Outline around the focused widget at some distance from its edge, where egui never draws the hover mark,
+/// so that it is visible from afar.
 struct FocusOutline;
 
 impl Plugin for FocusOutline {
@@ -80,7 +80,7 @@ impl Plugin for FocusOutline {
         let Some(shown) = focused.and_then(|id| ctx.read_response(id)) else {
             return;
         };
-        // What is scrolled out of sight has none.
+        // A widget scrolled out of sight gets no outline.
         let visible = shown.interact_rect.intersect(shown.rect);
         if visible.is_positive() {
             ctx.layer_painter(shown.layer_id).rect_stroke(
@@ -93,24 +93,26 @@ impl Plugin for FocusOutline {
     }
 }
 
-/// Scales text and panels at once: [`Context::set_zoom_factor`] would wait for the next pass, after the
-/// window was measured.
+/// Scales text and panels immediately: [`Context::set_zoom_factor`] would only take effect in the next pass,
+/// after the window was measured.
 pub fn set_scale(ctx: &Context, text_scale: f32) {
     ctx.options_mut(|options| options.zoom_factor = text_scale);
 }
 
-/// The text scale that a window of so many points at a scale of 1 has room for: panels need [`ROOM`].
+/// The largest text scale up to `text_scale` for a window whose size in points at scale 1 is given: panels
+/// need [`ROOM`].
 pub fn fitting_scale(text_scale: f32, window: egui::Vec2) -> f32 {
     let most = (window / ROOM).min_elem();
     text_scale.min(most).max(SCALE_MIN)
 }
 
-/// All panels of the game fit into a window of so many points.
+/// Size of the smallest window, in points, that holds all panels of the game.
 pub const ROOM: egui::Vec2 = egui::Vec2::new(640.0, 360.0);
-/// A window that is minimised has no points at all.
+/// Minimum scale, since a minimised window has a size of 0.
 const SCALE_MIN: f32 = 0.1;
 
-/// egui's fonts; signs that the one for text lacks, such as those of groups, come from that for figures.
+/// egui's fonts. Glyphs that the proportional font lacks, such as symbols of ball groups, come from the
+/// monospace font.
 fn fonts() -> FontDefinitions {
     let mut fonts = FontDefinitions::default();
     let families = &mut fonts.families;
@@ -124,7 +126,7 @@ fn fonts() -> FontDefinitions {
     fonts
 }
 
-/// What panels over the picture stand on.
+/// Frame of panels over the picture.
 pub fn frame() -> Frame {
     Frame::new()
         .fill(PANEL)

@@ -1,4 +1,4 @@
-//! Sentences that come and go over the picture: what changed, never anything that must be answered.
+//! Temporary messages over the picture about what has changed, never ones that require an answer.
 
 use std::collections::VecDeque;
 
@@ -6,7 +6,7 @@ use egui::{ScrollArea, Ui};
 
 use crate::theme;
 
-/// The sentences on show.
+/// Messages on display.
 #[derive(Clone, Debug, Default)]
 pub struct Toasts {
     lines: VecDeque<Toast>,
@@ -17,17 +17,18 @@ pub struct Toasts {
 struct Toast {
     sentence: String,
     until_secs: f64,
-    /// Whether the next answer takes its place.
+    /// Whether the next answer replaces it.
     is_answer: bool,
 }
 
 impl Toasts {
-    /// Shows a sentence from `now_secs` on, long enough to be read twice; the oldest gives way.
+    /// Shows a message from `now_secs` on, long enough to be read twice; the oldest is dropped if there are
+    /// too many.
     pub fn push(&mut self, sentence: String, now_secs: f64) {
         self.add(sentence, now_secs, false);
     }
 
-    /// Shows the answer to what the player did, in place of the answer before.
+    /// Shows the response to a user's action, replacing the previous response.
     pub fn answer(&mut self, sentence: String, now_secs: f64) {
         self.lines.retain(|toast| !toast.is_answer);
         self.add(sentence, now_secs, true);
@@ -45,7 +46,8 @@ impl Toasts {
         }
     }
 
-    /// Drops what has been read; says whether anything was. While nothing `is_shown` nothing is read.
+    /// Removes expired messages; returns whether any was removed. Time while nothing `is_shown` does not
+    /// count.
     pub fn tick(&mut self, now_secs: f64, is_shown: bool) -> bool {
         let unread_secs = match is_shown {
             true => 0.0,
@@ -60,18 +62,18 @@ impl Toasts {
         self.lines.len() < before
     }
 
-    /// When the next sentence goes.
+    /// The time at which the next message expires.
     pub fn next_secs(&self) -> Option<f64> {
         let ends = self.lines.iter().map(|toast| toast.until_secs);
         ends.reduce(f64::min)
     }
 
-    /// Whether there is none.
+    /// Whether there are no messages.
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty()
     }
 
-    /// Draws them under what is to be known as long as it lasts.
+    /// Draws the messages below `standing` ones, which stay as long as their cause.
     pub fn show(&self, ui: &mut Ui, standing: &[String]) {
         theme::frame().show(ui, |ui| {
             ui.set_max_width(WIDTH.min(ui.available_width()));
@@ -87,7 +89,7 @@ impl Toasts {
 }
 
 const STAY_SECS: f64 = 4.0;
-/// A slow reader's speed, twice over.
+/// Characters per second of display: half of a slow reader's speed.
 const LETTERS_PER_SEC: f64 = 8.0;
 const LINES_MAX: usize = 4;
 const WIDTH: f32 = 520.0;

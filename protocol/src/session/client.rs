@@ -1,4 +1,4 @@
-//! Session of the client: its end of a connection.
+//! Session of the client: the state machine at its end of a connection.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -25,15 +25,15 @@ use crate::tile_codec::{Decoder, TilePixels};
 /// An event of a client's session.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ClientEvent {
-    /// The node answers. Always the first event.
+    /// The node has answered the greeting. Always the first event.
     Welcome(NodeInfo),
-    /// So much of a scene is at the node.
+    /// Progress of a scene's transfer.
     SceneComing {
         /// The scene's hash.
         hash: SceneHash,
-        /// Its bytes that the node has, of this connection or an earlier one.
+        /// Bytes that the node has, sent on this connection or an earlier one.
         bytes: u64,
-        /// All its bytes.
+        /// The length of the scene in bytes.
         of: u64,
     },
     /// The node holds the scene.
@@ -45,7 +45,7 @@ pub enum ClientEvent {
         /// A sentence for the user.
         why: String,
     },
-    /// Tiles of a request, each once and only tiles that were asked for.
+    /// Tiles of a request: each one once, and only tiles that were requested.
     Tiles {
         /// The frame.
         frame: FrameId,
@@ -57,7 +57,7 @@ pub enum ClientEvent {
         pixels: TilePixels,
         /// Microseconds of tracing and encoding, by the node's clock.
         busy_micros: u32,
-        /// Stages of the time since the request came, by the node's clock.
+        /// Stages of the time since the request's arrival, by the node's clock.
         times: NodeTimes,
         /// Samples that were not finite and count as black.
         dropped_samples: u32,
@@ -66,8 +66,8 @@ pub enum ClientEvent {
         /// The precision that the node has chosen for them.
         precision: PixelPrecision,
     },
-    /// Tiles of a request that has been cancelled: their pixels are not needed, which were not decoded,
-    /// but the time they took says how fast the node is.
+    /// Tiles of a cancelled request. Their pixels are not needed and have not been decoded, but the time
+    /// that they took tells the node's speed.
     TilesStale {
         /// The frame.
         frame: FrameId,
@@ -80,7 +80,7 @@ pub enum ClientEvent {
         /// Bytes that the pixels took on the wire.
         payload_bytes: usize,
     },
-    /// All tiles of a request have come, or the request was cancelled too late. The last event of the request.
+    /// All tiles of a request have arrived, or its cancellation came too late. The last event of the request.
     RequestDone {
         /// The frame.
         frame: FrameId,
@@ -98,11 +98,11 @@ pub enum ClientEvent {
     Pong {
         /// The ping's number.
         number: u64,
-        /// What others have of the node.
+        /// Load of the node by its other players.
         load: NodeLoad,
     },
-    /// The node is about to end: it is to be asked for nothing more, and told by
-    /// [`ClientSession::leave`] when everything has come.
+    /// The node is about to end: send it no further request, and call [`ClientSession::leave`] when
+    /// everything has arrived.
     Leaving,
 }
 
@@ -114,44 +114,44 @@ pub enum SceneStatus {
     /// The scene is on its way; [`ClientEvent::SceneReady`] or [`ClientEvent::SceneRefused`]
     /// will follow. Requests may be sent after it at once.
     Pending,
-    /// The node is told which chunks the scene has, and sent those that it lacks; the same will follow. Requests have
-    /// to wait for it.
+    /// The node is told the chunks of the scene and sent those that it lacks; the same events will follow.
+    /// Requests have to wait for them.
     Transferring,
 }
 
-/// What the node has been asked about a scene.
+/// Question to the node about a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum SceneQuestion {
-    /// Whether it can be drawn.
+    /// Whether the node can use it.
     Usable,
-    /// Which chunks the node lacks.
+    /// Which of its chunks the node lacks.
     Missing,
 }
 
 /// The client's end of a connection: see [`crate::session`].
 ///
-/// A report can overtake the last tiles of its request, which travel on other streams. So the session
-/// keeps a report that comes early and hands it out after the last tile. A node that reports a
-/// request and never sends its tiles gains nothing: the request just stays open until it is cancelled,
-/// as with a node that says nothing at all.
+/// A report can overtake the last tiles of its request, which travel on other streams. The session
+/// therefore keeps an early report and hands it out after the last tile. A node that reports a request
+/// and never sends its tiles gains nothing: the request stays open until it is cancelled, as with a node
+/// that sends nothing at all.
 ///
-/// Tiles of a cancelled request that still come are [`ClientEvent::TilesStale`]; those that come after
-/// the node's last message on it are counted by [`ClientSession::stale_tiles`] and dropped. The last
+/// Tiles of a cancelled request that still arrive are [`ClientEvent::TilesStale`]; those that arrive after
+/// the node's last message about it are counted by [`ClientSession::stale_tiles`] and dropped. That last
 /// message is [`ClientEvent::RequestRefused`], or [`ClientEvent::RequestDone`] if the cancellation came too
-/// late, or has been heard already if the report had overtaken the tiles.
+/// late, or it precedes the cancellation if the report overtook the tiles.
 pub struct ClientSession {
     state: SessionState,
     scenes: SceneCache<SceneStatus>,
-    /// Requests asked for and neither done nor refused, at most [`REQUESTS_QUEUED_MAX`].
+    /// Requests that are neither done nor refused, at most [`REQUESTS_QUEUED_MAX`].
     requests: BTreeMap<RequestId, OpenRequest>,
     refused: RefusedRequests,
     references: ReferenceList,
     last_request: Option<RequestId>,
     particles: ParticleEncoder,
     transfers: SceneTransfers,
-    /// Questions about scenes without an answer, in order.
+    /// Unanswered questions about scenes, in the order of sending.
     scenes_asked: VecDeque<(SceneHash, SceneQuestion)>,
-    /// Pings without an answer, in order.
+    /// Unanswered pings, in the order of sending.
     pings: VecDeque<u64>,
     decoder: Decoder,
     packets: VecDeque<Vec<u8>>,
@@ -159,7 +159,7 @@ pub struct ClientSession {
 }
 
 impl ClientSession {
-    /// A session over a connection that has just been made; the greeting is queued.
+    /// A session over a new connection; the greeting is queued.
     pub fn new() -> Self {
         let mut session = Self {
             state: SessionState::New,
@@ -181,9 +181,9 @@ impl ClientSession {
         session
     }
 
-    /// Makes sure that the node will hold `scene` when the next request comes: sends it unless
-    /// it is there or on its way. A short scene is sent at once; of others those chunks that the node lacks, when
-    /// nothing else is to be sent.
+    /// Ensures that the node will hold `scene` when the next request arrives: sends it unless it is there or
+    /// on its way. A short scene is queued at once; of longer ones the chunks that the node lacks are sent
+    /// while no other packet waits.
     ///
     /// # Errors
     /// [`Error::Unsendable`] if [`CONTROL_QUEUED_MAX`] scenes wait for an answer, or as many packets for the
@@ -211,12 +211,13 @@ impl ClientSession {
         Ok(SceneStatus::Pending)
     }
 
-    /// Asks for tiles, once there has been [`ClientEvent::Welcome`], which tiles could overtake.
-    /// Requests of one session must have rising numbers; gaps are fine.
+    /// Requests tiles. [`ClientEvent::Welcome`] must have come, since tiles could overtake it. The numbers of
+    /// a session's requests must ascend; gaps are allowed.
     ///
     /// # Errors
-    /// [`Error::Unsendable`] before the welcome, if the request is invalid, its scene is not [set], its request is not
-    /// above the last one or [`REQUESTS_QUEUED_MAX`] requests are open, and as [`ClientSession::ping`].
+    /// [`Error::Unsendable`] before the welcome, if the request is invalid, its scene is not [set], its
+    /// number is not above the last one or [`REQUESTS_QUEUED_MAX`] requests are open, and as
+    /// [`ClientSession::ping`].
     ///
     /// [set]: ClientSession::set_scene
     pub fn trace(&mut self, mut request: TraceRequest) -> Result<(), Error> {
@@ -242,8 +243,7 @@ impl ClientSession {
         let particles = std::mem::take(&mut request.update.particles);
         request.particles = self.particles.encode(&particles);
         self.send(&ToNode::Trace(Box::new(request)))?;
-        // Not before it is sent: both ends remember the particles of the requests that travel, and of no
-        // others.
+        // Only after sending: both ends must remember the particles of exactly the requests that travel.
         self.particles.remember(id, particles);
         self.scenes.touch(hash);
         self.last_request = Some(id);
@@ -260,7 +260,7 @@ impl ClientSession {
         self.cancel(&message, |_, request| request.frame < frame)
     }
 
-    /// Cancels one request; does nothing if it is done, refused or cancelled already.
+    /// Cancels one request; does nothing if it is done, refused or already cancelled.
     ///
     /// # Errors
     /// As [`ClientSession::ping`].
@@ -269,7 +269,7 @@ impl ClientSession {
         self.cancel(&message, |id, _| id == request)
     }
 
-    /// Tells the node that nothing more is awaited of it, after [`ClientEvent::Leaving`].
+    /// Tells the node, after [`ClientEvent::Leaving`], that nothing more is expected of it.
     ///
     /// # Errors
     /// [`Error::Unsendable`] if [`CONTROL_QUEUED_MAX`] packets wait for the network.
@@ -277,7 +277,7 @@ impl ClientSession {
         self.send(&ToNode::Leave)
     }
 
-    /// Asks for a [`ClientEvent::Pong`] with the same number.
+    /// Sends a ping, answered by [`ClientEvent::Pong`] with the same number.
     ///
     /// # Errors
     /// [`Error::Unsendable`] if [`CONTROL_QUEUED_MAX`] packets wait for the network, or as many
@@ -291,12 +291,11 @@ impl ClientSession {
         Ok(())
     }
 
-    /// Takes a packet from the node. There are two events when the last tiles of a request come
-    /// after its report.
+    /// Handles a packet from the node. It yields two events if it holds the last tiles of a request whose
+    /// report came before them.
     ///
     /// # Errors
-    /// What rule the node broke. The session takes no further packet then, and the transport
-    /// closes.
+    /// The rule that the node broke. The session then accepts no further packet, and the transport closes.
     pub fn handle(&mut self, packet: Packet) -> Result<Vec<ClientEvent>, Error> {
         let events = self.try_handle(packet);
         if events.is_err() {
@@ -313,7 +312,8 @@ impl ClientSession {
         Some(Packet::new(channel, bytes))
     }
 
-    /// The next packet of a scene that travels in chunks.
+    /// The next packet of a scene that travels in chunks, only polled while no other packet waits: tracing
+    /// requests are not delayed by more than one chunk.
     fn next_of_transfer(&mut self) -> Option<Vec<u8>> {
         if self.state != SessionState::Open {
             return None;
@@ -322,6 +322,7 @@ impl ClientSession {
         let hash = scene.hash();
         match message {
             ToNode::Manifest { .. } => self.scenes_asked.push_back((hash, SceneQuestion::Missing)),
+            // The scene enters the cache with its last message, as it does at the node.
             ToNode::ChunksSent(_) => {
                 self.scenes
                     .insert(hash, scene.bytes(), SceneStatus::Pending);
@@ -332,12 +333,13 @@ impl ClientSession {
         Some(codec::encode_to_node(&message).expect("chunks are within their limits"))
     }
 
-    /// Requests asked for and neither done nor refused.
+    /// Number of requests that are neither done nor refused.
     pub fn open_requests(&self) -> usize {
         self.requests.len()
     }
 
-    /// Tiles that came for requests which the node had refused, after a cancellation as a rule.
+    /// Number of tile messages that came for requests which the node had already refused, usually after a
+    /// cancellation.
     pub fn stale_tiles(&self) -> u64 {
         self.stale_tiles
     }
@@ -419,7 +421,8 @@ impl ClientSession {
         Ok(vec![ClientEvent::SceneRefused { hash, why }])
     }
 
-    /// A node answers in the order in which it is asked; a refusal answers either question.
+    /// Checks an answer against the oldest question, since a node answers in order. `None` stands for a
+    /// refusal, which answers either question.
     fn expect_answer(
         &mut self,
         hash: SceneHash,
@@ -437,7 +440,7 @@ impl ClientSession {
         }
     }
 
-    /// Takes in tiles whose pixels are `shared` by a node of the same process, or in the payload.
+    /// Receives tiles. Their pixels are `shared` by a node of the same process, or in the payload.
     fn receive_tiles(
         &mut self,
         done: &TilesDone,
@@ -458,6 +461,8 @@ impl ClientSession {
             }
         } else {
             let count = request.grid.pixels(done.tiles);
+            // Shared pixels that do not fit are ignored; the decoder then refuses the payload, which is
+            // empty.
             let shared = shared.filter(|pixels| pixels.fits(request.format, count));
             let mut precision = PixelPrecision::Exact;
             let pixels = match (request.format, shared) {
@@ -516,8 +521,8 @@ impl ClientSession {
     fn request_done(&mut self, report: RequestReport) -> Result<Vec<ClientEvent>, Error> {
         const WHAT: &str = "report";
         let Some(request) = self.requests.get_mut(&report.request) else {
-            // The client cancelled a request whose report was still on its way, and a node may not
-            // report twice: so the request was never asked for, or is done.
+            // A cancelled request stays open until the node's last message about it, and a node may not
+            // report twice: so this request was never sent, or is done.
             return Err(not_open(WHAT, report.request));
         };
         if request.report.is_some() {
@@ -529,7 +534,7 @@ impl ClientSession {
             return Ok(Vec::new());
         }
         if request.missing > 0 {
-            // It was cancelled too late: tiles of it may still be on their way, on other streams.
+            // The cancellation came too late: tiles may still be on their way, on other streams.
             self.refused.insert(report.request);
         }
         self.requests.remove(&report.request);
@@ -581,13 +586,14 @@ impl ClientSession {
             return Ok(());
         }
         self.send(message)?;
-        // The node's last message has come already where the report has: the request ends here.
+        // If the report has arrived, it was the node's last message about the request, which ends here.
         let reported = |request: &RequestId, state: &mut OpenRequest| {
             state.report.is_some() && is_news(request, state)
         };
         for (request, _) in self.requests.extract_if(.., reported) {
             self.refused.insert(request);
         }
+        // The others stay open until the node's last message about them.
         for (request, state) in &mut self.requests {
             state.cancelled |= unwanted(*request, state);
         }

@@ -1,4 +1,5 @@
-//! Sessions: the two ends of a connection as state machines: packets in, events out; calls in, packets out.
+//! Sessions: the two ends of a connection as state machines. Packets go in and events come out; calls go
+//! in and packets come out.
 //!
 //! ```text
 //!  application                 session                      transport
@@ -11,10 +12,10 @@
 //! ```
 //!
 //! A transport keeps the packets of [`Channel::Control`] in order and delivers all packets
-//! unharmed; those of [`Channel::Tiles`] may overtake each other and the others. Of a client's
-//! requests it may deliver copies besides, as [`Channel::Copy`]. It sends what
-//! [`ClientSession::poll_transmit`] or [`NodeSession::poll_transmit`] hands out after each call of
-//! any other method, also after an error, and then closes if there was one.
+//! unaltered; those of [`Channel::Tiles`] may overtake each other and the others. It may also deliver
+//! copies of a client's requests, as [`Channel::Copy`]. After each call of any other method, also after an
+//! error, it sends what [`ClientSession::poll_transmit`] or [`NodeSession::poll_transmit`] returns; after
+//! an error it then closes.
 
 mod client;
 mod node;
@@ -33,19 +34,19 @@ use crate::error::Reason;
 use crate::message::RequestId;
 use crate::tile_codec::TilePixels;
 
-/// A whole message on its way.
+/// A whole message, with the channel that it travels on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Packet {
     /// Its channel.
     pub channel: Channel,
     /// Its bytes, unframed.
     pub bytes: Vec<u8>,
-    /// Between sessions of one process, the pixels of a tile message, whose bytes then hold none.
+    /// The pixels of a tile message between sessions of one process; its bytes then hold none.
     pub pixels: Option<TilePixels>,
 }
 
 impl Packet {
-    /// A packet that any transport can carry.
+    /// A packet without shared pixels, which any transport can carry.
     pub const fn new(channel: Channel, bytes: Vec<u8>) -> Self {
         Self {
             channel,
@@ -54,7 +55,7 @@ impl Packet {
         }
     }
 
-    /// Bytes that it keeps in memory.
+    /// Bytes that the packet occupies in memory.
     fn memory_bytes(&self) -> usize {
         self.bytes.len() + self.pixels.as_ref().map_or(0, TilePixels::bytes)
     }
@@ -67,8 +68,8 @@ pub enum Channel {
     Control,
     /// In any order. Over QUIC: a stream of one direction for each packet, unframed.
     Tiles,
-    /// To a node, copies of [`Channel::Control`] packets with trace requests: before the packet
-    /// itself or after, twice or not at all. A request is begun with whatever comes first. Over
+    /// To a node: copies of [`Channel::Control`] packets with trace requests, which may arrive before the
+    /// packet itself or after it, repeatedly or never. Whichever arrives first begins the request. Over
     /// QUIC: a datagram.
     Copy,
 }
@@ -76,9 +77,9 @@ pub enum Channel {
 /// State of either session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum SessionState {
-    /// The peer's first message has not come.
+    /// The peer's first message has not arrived.
     New,
-    /// Both have spoken.
+    /// The peer's first message has arrived.
     Open,
     /// The peer broke a rule.
     Closed,
@@ -95,7 +96,7 @@ impl Channel {
     }
 }
 
-/// Of a request whose number does not rise.
+/// The reason for a request whose number does not ascend.
 fn not_above(request: RequestId) -> Reason {
     format!("request {} is not above the one before", request.0).into()
 }

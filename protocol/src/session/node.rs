@@ -1,4 +1,4 @@
-//! Session of a node: its end of a connection.
+//! Session of a node: the state machine at its end of a connection.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -25,34 +25,34 @@ use crate::tile_codec::TilePixels;
 /// An event of a node's session.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NodeEvent {
-    /// A scene has come and is kept; the client knows. Time to compile it.
+    /// A scene has arrived and is kept; the client has been told. The caller may compile it.
     Scene {
         /// Its hash.
         hash: SceneHash,
         /// The scene; it can be drawn.
         scene: Arc<Scene>,
     },
-    /// Tiles to trace, and to answer by [`NodeSession::tiles`] and [`NodeSession::request_done`] or
-    /// by [`NodeSession::refuse`]. The update fits the scene.
+    /// Tiles to trace. The answer is [`NodeSession::tiles`] and [`NodeSession::request_done`], or
+    /// [`NodeSession::refuse`]. The update fits the scene.
     Trace {
         /// The request.
         request: Box<TraceRequest>,
         /// Its scene.
         scene: Arc<Scene>,
     },
-    /// Requests to stop and to take from the queue. The client has been told; what else is said of
-    /// them is dropped.
+    /// Requests to stop or to remove from the queue. The client has been told; later answers to them are
+    /// dropped.
     Cancelled(Vec<RequestId>),
-    /// To be answered by [`NodeSession::pong`].
+    /// A ping, to be answered by [`NodeSession::pong`].
     Ping(u64),
-    /// The client has all that it asked for, and asks for nothing more.
+    /// The client has received all that it asked for and will ask for nothing more.
     Left,
 }
 
-/// A request that a copy has begun and whose control packet has not come.
+/// A request that a copy has begun and whose control packet has not arrived.
 #[derive(Debug)]
 struct CopiedRequest {
-    /// BLAKE3 of the copy: the packet must be the same.
+    /// BLAKE3 of the copy: the control packet must be the same.
     digest: blake3::Hash,
     /// Whether a cancellation has stopped it.
     stopped: bool,
@@ -64,32 +64,33 @@ pub struct NodeSession {
     info: NodeInfo,
     state: SessionState,
     scenes: SceneCache<Arc<Scene>>,
-    /// Of a transport that has none of its own.
+    /// Used if the transport has no assembler of its own.
     assembler: SceneAssembler,
-    /// Requests asked for and not yet answered on the wire, at most [`REQUESTS_QUEUED_MAX`].
+    /// Requests that are not yet answered on the wire, at most [`REQUESTS_QUEUED_MAX`].
     requests: BTreeMap<RequestId, AcceptedRequest>,
-    /// Of the requests that have come in order.
+    /// The last request that arrived on the control channel.
     last_request: Option<RequestId>,
-    /// Holds the particles of that.
+    /// Holds the particles of `last_request`.
     particles: ParticleDecoder,
-    /// Requests above it that have been begun by a copy, at most [`REQUESTS_QUEUED_MAX`].
+    /// Requests above `last_request` that a copy has begun, at most [`REQUESTS_QUEUED_MAX`].
     begun: BTreeMap<RequestId, CopiedRequest>,
-    /// The last [`REQUESTS_REFUSED_KEPT`] requests that were answered in full: their tiles may be under way.
+    /// The last [`REQUESTS_REFUSED_KEPT`] requests answered in full: their tiles may still be in flight.
     answered: VecDeque<(RequestId, AcceptedRequest)>,
-    /// Of both, those cancelled since the transport last asked.
+    /// Requests, open or answered, that were cancelled since the transport last called
+    /// [`Self::take_unwanted`].
     unwanted: Vec<RequestId>,
     control_queue: VecDeque<Vec<u8>>,
-    /// Tiles and reports of requests, which a cancellation drops.
+    /// Queued tiles and reports of requests, which a cancellation drops.
     results: VecDeque<QueuedResult>,
     results_bytes: usize,
-    /// Those of stale frames, which newer ones have overtaken: sent when nothing else waits.
+    /// Queued tiles and reports of stale and background frames, sent when nothing else waits.
     stale: VecDeque<QueuedResult>,
     stale_bytes: usize,
-    /// The newest frame that anything has been traced of.
+    /// The newest frame, background ones aside, of which a result has been queued.
     newest: FrameId,
 }
 
-/// A packet with tiles or a report that waits for the network.
+/// A packet with tiles or a report, waiting for the network.
 #[derive(Debug)]
 struct QueuedResult {
     request: RequestId,
@@ -97,7 +98,8 @@ struct QueuedResult {
     packet: Packet,
 }
 
-/// A frame and the next: a queue of two frames is too long, one that is shorter is soon gone.
+/// Frames whose results are sent in order: the newest and the one before. A backlog of two frames is too
+/// long to keep in order; a shorter one is soon sent.
 const FRAMES_IN_ORDER: u64 = 2;
 
 #[derive(Clone, Copy, Debug)]
@@ -120,7 +122,7 @@ impl AcceptedRequest {
 }
 
 impl NodeSession {
-    /// A session for a client that has just connected. Names are made [`printable`] and cut to
+    /// A session for a client that has just connected. Names are made [`printable`] and truncated to
     /// [`NODE_NAME_BYTES_MAX`] bytes.
     pub fn new(mut info: NodeInfo) -> Self {
         info.name = printable(&info.name, NODE_NAME_BYTES_MAX);
@@ -145,11 +147,11 @@ impl NodeSession {
         }
     }
 
-    /// Takes a packet from the client. Requests that cannot be met are refused without an event.
+    /// Handles a packet from the client. Requests that cannot be served are refused without an event.
     ///
     /// # Errors
-    /// What rule the client broke. The session takes no further packet then; the transport
-    /// sends what is queued, so that a client of another version learns of it, and closes.
+    /// The rule that the client broke. The session then accepts no further packet; the transport sends
+    /// what is queued, so that a client of another version learns of it, and closes.
     pub fn handle(&mut self, packet: Packet) -> Result<Option<NodeEvent>, Error> {
         let event = self.try_handle(packet);
         if event.is_err() {
@@ -158,7 +160,7 @@ impl NodeSession {
         event
     }
 
-    /// Takes what a [`SceneAssembler`] has made of a packet with a scene, or a part of one.
+    /// Handles what a [`SceneAssembler`] has made of a packet with a scene or part of one.
     ///
     /// # Errors
     /// As [`NodeSession::handle`].
@@ -180,34 +182,34 @@ impl NodeSession {
         event
     }
 
-    /// Asks the client for no more requests, as the node is about to end; [`NodeEvent::Left`] follows
-    /// once it has the answers of those that it has sent.
+    /// Tells the client to send no more requests, since the node is about to end; [`NodeEvent::Left`]
+    /// follows once the client has the answers to those that it has sent.
     pub fn leave(&mut self) {
         if self.state == SessionState::Open {
             self.send(&ToClient::Leaving);
         }
     }
 
-    /// Answers a ping: with what others have of the node.
+    /// Answers a ping, with the load by the node's other players.
     pub fn pong(&mut self, number: u64, load: NodeLoad) {
         if self.state == SessionState::Open {
             self.send(&ToClient::Pong { number, load });
         }
     }
 
-    /// Sends finished tiles of a request, in any order. `false` if the request is no longer wanted: stop
-    /// it.
+    /// Sends finished tiles of a request, in any order. Returns `false` if the request is no longer wanted
+    /// and should be stopped.
     ///
-    /// Tiles that the network has not taken pile up here: wait while [`NodeSession::is_full`].
+    /// Tiles that the network has not taken accumulate here: wait while [`NodeSession::is_full`].
     ///
     /// # Errors
-    /// [`Error::Unsendable`] if the tiles are not in the request, or more than are left of it.
+    /// [`Error::Unsendable`] if the tiles are not in the request, or are more than are left of it.
     pub fn tiles(&mut self, tiles: TilesDone) -> Result<bool, Error> {
         self.send_tiles(tiles, None)
     }
 
-    /// The same to a client in this process, which gets the pixels as they are: the payload of `tiles` is
-    /// empty.
+    /// As [`NodeSession::tiles`], to a client in this process, which gets the pixels unencoded: the payload
+    /// of `tiles` is empty.
     ///
     /// # Errors
     /// As [`NodeSession::tiles`].
@@ -238,7 +240,7 @@ impl NodeSession {
         Ok(true)
     }
 
-    /// Ends a request whose tiles have all been handed over. `false` if the request was no longer wanted.
+    /// Ends a request all of whose tiles have been handed over. Returns `false` if it is no longer wanted.
     ///
     /// # Errors
     /// [`Error::Unsendable`] if tiles are missing, or if the request was reported already.
@@ -261,8 +263,8 @@ impl NodeSession {
         Ok(true)
     }
 
-    /// Ends a request that was not begun or cannot be finished, and drops its tiles that still wait.
-    /// `false` if the request was no longer wanted. Sentences are made [`printable`] and cut to
+    /// Ends a request that was not begun or cannot be finished, and drops its queued tiles. Returns `false`
+    /// if the request is no longer wanted. Sentences are made [`printable`] and truncated to
     /// [`SENTENCE_BYTES_MAX`] bytes.
     pub fn refuse(&mut self, request: RequestId, why: RefusalReason) -> bool {
         let wanted = self.requests.remove(&request).is_some();
@@ -273,9 +275,9 @@ impl NodeSession {
         wanted
     }
 
-    /// The next packet to send: answers, then tiles and reports in the order they were handed
-    /// over. On a link that carries too little, frames that newer ones have overtaken come last: in
-    /// order, all would be late by as long as the client waits before it cancels, and none of use.
+    /// The next packet to send: control answers first, then tiles and reports in the order they were handed
+    /// over, then those of frames that newer ones have overtaken. On a link that carries too little, strict
+    /// order would make every frame late by as long as the client waits before it cancels, and none useful.
     pub fn poll_transmit(&mut self) -> Option<Packet> {
         if let Some(bytes) = self.control_queue.pop_front() {
             let channel = Channel::Control;
@@ -295,7 +297,7 @@ impl NodeSession {
             }
         };
         if packet.channel == Channel::Control {
-            // Its report: the request is answered.
+            // Its report: with it the request is answered on the wire.
             if let Some(state) = self.requests.remove(&request) {
                 self.answered.push_back((request, state));
             }
@@ -306,25 +308,24 @@ impl NodeSession {
         Some(packet)
     }
 
-    /// Whether [`TILES_QUEUED_BYTES_MAX`] bytes of tiles wait for the network: time to stop
-    /// tracing until it has taken some.
+    /// Whether [`TILES_QUEUED_BYTES_MAX`] bytes of tiles wait for the network: tracing should pause until it
+    /// has taken some.
     pub fn is_full(&self) -> bool {
         self.results_bytes + self.stale_bytes >= TILES_QUEUED_BYTES_MAX
     }
 
-    /// The last requests, answered or not, that were cancelled since the last call: their tiles need not
-    /// be sent again if they get lost.
+    /// The requests, answered or not, that were cancelled since the last call, at most the last
+    /// [`REQUESTS_REFUSED_KEPT`]: lost packets of their tiles need not be retransmitted.
     pub fn take_unwanted(&mut self) -> Vec<RequestId> {
         std::mem::take(&mut self.unwanted)
     }
 
-    /// Bytes of tiles and reports that wait for the network, but for those of frames that newer
-    /// ones have overtaken.
+    /// Bytes of tiles and reports that wait for the network, without those of stale frames.
     pub fn waiting_bytes(&self) -> usize {
         self.results_bytes
     }
 
-    /// Requests asked for and not yet answered on the wire.
+    /// Number of requests that are not yet answered on the wire.
     pub fn open_requests(&self) -> usize {
         self.requests.len()
     }
@@ -340,7 +341,7 @@ impl NodeSession {
             let what = packet.channel.packet_name();
             return Err(Error::out_of_order(what, "clients send none"));
         }
-        // Nothing else is looked at, or anything allocated for it, before the greeting.
+        // Before the greeting no other message is parsed, and nothing is allocated for one.
         if self.state == SessionState::New && !codec::is_hello(&packet.bytes) {
             return Err(Error::out_of_order("message", HELLO_FIRST));
         }
@@ -371,7 +372,7 @@ impl NodeSession {
         }
     }
 
-    /// Answers a greeting, one of another version too: its sender reads the version from it.
+    /// Answers a greeting, also one of another version, whose sender reads the version from the answer.
     fn welcome(&mut self) -> Result<(), Error> {
         if self.state != SessionState::New {
             return Err(Error::out_of_order("greeting", REPEATED));
@@ -384,6 +385,7 @@ impl NodeSession {
         Ok(())
     }
 
+    /// Refuses further packets of a client that lets its answers pile up unread.
     fn check_answers_are_read(&self, what: &'static str) -> Result<(), Error> {
         match self.control_queue.len() {
             0..CONTROL_QUEUED_MAX => Ok(()),
@@ -403,7 +405,7 @@ impl NodeSession {
                 self.send(&ToClient::ChunksWanted { hash, chunks });
                 bytes
             }
-            // Only the newest is of interest.
+            // An older report of progress still waits; the next one will include this chunk.
             SceneProgress::Coming { .. } if !self.control_queue.is_empty() => return None,
             SceneProgress::Coming { bytes } => bytes,
         };
@@ -448,13 +450,14 @@ impl NodeSession {
             ));
         }
         self.decode_particles(&mut request)?;
-        // Before anything can be refused: the client codes its next particles against these in any case.
+        // Before the request can be refused: the client encodes its next particles against these in any case.
         self.particles.remember(id, &request.update.particles);
-        // First the scene is used, then the request may be refused: the client does the same.
+        // The scene is touched before the request can be refused, as at the client: the caches stay alike.
         let refusal = match self.scenes.touch(request.scene) {
-            // To be asked for again: some of its tiles may have been sent.
+            // A cancellation stopped the copy before this packet came, perhaps one sent before it. Busy makes
+            // the client request the tiles anew, under another id, since some may already have been sent.
             _ if copy.as_ref().is_some_and(|copy| copy.stopped) => RefusalReason::Busy,
-            // Its copy came first and has begun it.
+            // The copy came first and has begun the request.
             _ if copy.is_some() => return Ok(None),
             None => RefusalReason::UnknownScene,
             Some(_) if self.requests.len() >= REQUESTS_QUEUED_MAX => RefusalReason::Busy,
@@ -472,7 +475,7 @@ impl NodeSession {
     }
 
     /// Begins a request whose control packet is still on its way. Faults are left for that packet to
-    /// find: scenes are used, and answers given, in the order of control packets.
+    /// report: scenes are touched and answers given in the order of control packets.
     fn handle_duplicate_request(&mut self, bytes: &[u8]) -> Result<Option<NodeEvent>, Error> {
         if self.state == SessionState::New {
             return Ok(None);
@@ -482,6 +485,7 @@ impl NodeSession {
             return Err(Error::out_of_order(what, "only requests have copies"));
         };
         let id = request.id;
+        // A copy is of no use once its control packet, or another copy, has arrived.
         let come = self.last_request.is_some_and(|last| id <= last) || self.begun.contains_key(&id);
         let full = self.requests.len().max(self.begun.len()) >= REQUESTS_QUEUED_MAX;
         let scene = self.scenes.peek(request.scene);
@@ -490,6 +494,7 @@ impl NodeSession {
             return Ok(None);
         };
         let scene = Arc::clone(scene);
+        // The particles of the request before, against which these are coded, may not have arrived yet.
         if self.decode_particles(&mut request).is_err() {
             return Ok(None);
         }
@@ -511,9 +516,9 @@ impl NodeSession {
         checked.map_err(|fault| malformed(Reason::tracer(fault)))
     }
 
-    /// Refuses the requests that `unwanted` chooses and drops their results that still wait. Those
-    /// that a copy has begun are stopped, and refused when their control packet comes: it may have
-    /// been sent after this cancellation.
+    /// Refuses the requests that `unwanted` selects and drops their queued results. Those that a copy has
+    /// begun are stopped, and refused when their control packet comes: it may have been sent after this
+    /// cancellation.
     fn cancel(
         &mut self,
         unwanted: impl Fn(RequestId, &AcceptedRequest) -> bool,
@@ -525,6 +530,8 @@ impl NodeSession {
             .collect();
         self.unwanted.extend(&cancelled);
         self.answered.retain(|(request, state)| {
+            // The control packet of a copied request, still to come, may have been sent after this
+            // cancellation.
             let dropped = !self.begun.contains_key(request) && unwanted(*request, state);
             self.unwanted.extend(dropped.then_some(*request));
             !dropped
@@ -557,8 +564,8 @@ impl NodeSession {
         self.wait(answer);
     }
 
-    /// Moves packets of stale frames behind all others. A request's packets stay in order, since all of
-    /// them are of one frame.
+    /// Moves packets of stale frames behind all others. The packets of a request stay in order, since all
+    /// are of one frame.
     fn demote_stale(&mut self) {
         let oldest = self.results.iter().map(|answer| answer.frame).min();
         if oldest.is_none_or(|oldest| !self.is_stale(oldest)) {
@@ -615,7 +622,7 @@ impl NodeSession {
 
 const HELLO_FIRST: &str = "the first must be Hello";
 
-/// Whether each pose names a ball of the scene.
+/// Checks that each pose names a sphere, truncated cone or mesh of the scene.
 fn check_fit(scene: &Scene, update: &SceneUpdate) -> Result<(), Reason> {
     for pose in &update.poses {
         let object = pose.object;

@@ -1,8 +1,8 @@
 //! Reference tiles that the two ends of a connection remember for delta coding.
 //!
-//! The client names with each request the tiles of earlier requests that it holds there; the node
-//! delta-codes a tile against one that was named and that it remembers too. So a tile is only ever
-//! coded against one that has arrived, and an end that forgets costs bytes and nothing else.
+//! With each request the client names the tiles of earlier requests that it holds there; the node
+//! delta-codes a tile against one that was named and that it still remembers. A tile is therefore only
+//! coded against one that has arrived, and an end that forgets tiles costs bytes and nothing else.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -13,20 +13,20 @@ use crate::limits::{REFERENCE_RANGES_MAX, REFERENCE_REQUESTS_MAX, SENT_REFERENCE
 use crate::message::{PixelFormat, ReferenceRange, RequestId, TraceRequest};
 use crate::tile_codec::ReferenceTile;
 
-/// The reference of each tile of a range, where there is one.
+/// The reference of each tile of a range, if there is one.
 pub type References = Vec<Option<Arc<ReferenceTile>>>;
 
-/// The client's end: the last tile that came at each place, of the last [`REFERENCE_REQUESTS_MAX`] requests.
+/// The client's end: the newest tile received at each place, of the last [`REFERENCE_REQUESTS_MAX`] requests.
 #[derive(Debug, Default)]
 pub(super) struct ReferenceList {
     grid: Option<TileGrid>,
     tiles: BTreeMap<u32, (RequestId, Arc<ReferenceTile>)>,
-    /// Requests with tiles in here, in the order in which they began to come.
+    /// Requests with tiles in here, in the order of their first tiles' arrival.
     requests: VecDeque<RequestId>,
 }
 
 impl ReferenceList {
-    /// Fills in the references of `request`, and returns them, to be kept until its tiles have come.
+    /// Fills in the references of `request`, and returns them, to be kept until its tiles have arrived.
     pub(super) fn fill_in(&mut self, request: &mut TraceRequest) -> References {
         request.references.clear();
         if !matches!(request.format, PixelFormat::Srgb8 { .. }) {
@@ -39,6 +39,7 @@ impl ReferenceList {
         let place = |tile: u32| (tile - request.tiles.first) as usize;
         let mut references = vec![None; request.tiles.count as usize];
         for (&tile, (id, tile_held)) in self.tiles.range(request.tiles.indices()) {
+            // Adjacent tiles of one request are merged into a range.
             let ranges = request.references.len();
             match request.references.last_mut() {
                 Some(last) if last.request == *id && last.tiles.end() == tile => {
@@ -59,7 +60,7 @@ impl ReferenceList {
         references
     }
 
-    /// Remembers tiles that have come.
+    /// Remembers tiles that have arrived.
     pub(super) fn insert(
         &mut self,
         grid: TileGrid,
@@ -74,7 +75,7 @@ impl ReferenceList {
             self.requests.push_back(request);
         }
         for (tile, reference) in tiles.indices().zip(references) {
-            // Requests overtake each other: an older tile does not take a newer one's place.
+            // Requests overtake each other: an older tile does not replace a newer one.
             match self.tiles.get(&tile) {
                 Some((newer, _)) if *newer > request => {}
                 _ => drop(self.tiles.insert(tile, (request, reference))),
@@ -88,19 +89,19 @@ impl ReferenceList {
     }
 }
 
-/// The node's end: the tiles it has sent to a client, until that holds later ones or
+/// The node's end: the tiles it has sent to a client, until the client holds later ones or
 /// [`SENT_REFERENCES_BYTES_MAX`] bytes are remembered.
 #[derive(Debug, Default)]
 pub struct SentReferences {
     grid: Option<TileGrid>,
     tiles: BTreeMap<(u32, RequestId), Arc<ReferenceTile>>,
-    /// In the order of sending; some may have been dropped already.
+    /// In the order of sending; may include tiles already dropped.
     order: VecDeque<(u32, RequestId)>,
     bytes: usize,
 }
 
 impl SentReferences {
-    /// The references of `tiles`, which are part of a request's.
+    /// The references of `tiles`, which are part of the request's.
     pub fn references(&mut self, request: &TraceRequest, tiles: TileRange) -> References {
         let mut references = vec![None; tiles.count as usize];
         if self.grid != Some(request.grid) {
@@ -135,8 +136,8 @@ impl SentReferences {
                 self.bytes -= before.bytes();
             }
         }
-        // Tiles that are dropped elsewhere stay in the order until they come to its front: its length is
-        // bounded too.
+        // Tiles dropped elsewhere stay in the order until they reach its front, so its length needs a bound
+        // of its own.
         while self.bytes > SENT_REFERENCES_BYTES_MAX || self.order.len() > 2 * self.tiles.len() + 64
         {
             let Some(oldest) = self.order.pop_front() else {
@@ -146,7 +147,7 @@ impl SentReferences {
         }
     }
 
-    /// The client holds a later one: it will not name these again.
+    /// Drops the tiles sent before `request`: the client holds a later one and will not name these again.
     fn drop_before(&mut self, tile: u32, request: RequestId) {
         let stale = self.tiles.range((tile, RequestId(0))..(tile, request));
         let stale: Vec<(u32, RequestId)> = stale.map(|(key, _)| *key).collect();

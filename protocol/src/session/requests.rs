@@ -1,4 +1,4 @@
-//! Requests of a client that the node has not finished, and those that it refused.
+//! Requests of a client that the node has not finished, and those that it has refused.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -22,11 +22,11 @@ pub(super) struct OpenRequest {
     pub(super) precision: PrecisionRange,
     /// References of its tiles, by place in the request; empty for linear formats.
     pub(super) references: References,
-    /// By the tile's place in the request.
+    /// Whether each tile has arrived, by its place in the request.
     received: Vec<bool>,
     pub(super) missing: u32,
     pub(super) cancelled: bool,
-    /// A report that came before the last tile.
+    /// A report that arrived before the last tile.
     pub(super) report: Option<RequestReport>,
 }
 
@@ -34,7 +34,7 @@ pub(super) struct OpenRequest {
 #[derive(Debug, Default)]
 pub(super) struct RefusedRequests {
     kept: VecDeque<RequestId>,
-    /// The highest request that has been forgotten; up to here nothing is known for sure.
+    /// The highest request that has been forgotten: whether it or one below was refused is unknown.
     forgotten: Option<RequestId>,
 }
 
@@ -67,7 +67,7 @@ impl OpenRequest {
             .collect()
     }
 
-    /// Notes that `tiles` have come.
+    /// Marks `tiles` as received.
     pub(super) fn receive(&mut self, tiles: TileRange) -> Result<(), Error> {
         const WHAT: &str = "tile message";
         if tiles.first < self.tiles.first || tiles.end() > self.tiles.end() {
@@ -98,7 +98,7 @@ impl RefusedRequests {
 
     /// Whether the request was refused, or is so old that it may have been.
     pub(super) fn may_hold(&self, request: RequestId) -> bool {
-        // `None` is less than all requests: as long as nothing is forgotten, the list alone tells.
+        // `None` is less than every request: while nothing is forgotten, the list alone decides.
         Some(request) <= self.forgotten || self.kept.contains(&request)
     }
 }

@@ -1,7 +1,7 @@
-//! Assembly of scenes at a node, from messages and from chunks that it has kept.
+//! Assembly of scenes at a node, from messages and from chunks in its store.
 //!
-//! An assembler hashes and decodes, and its store reads and writes files: a transport calls it on
-//! another thread than that of its sockets, and hands what it says to the session.
+//! An assembler hashes and decodes, and its store accesses files: a transport calls it on another thread
+//! than that of its sockets, and hands the result to the session.
 
 use std::collections::{HashSet, VecDeque};
 use std::fmt;
@@ -16,22 +16,23 @@ use crate::error::{Error, SCENE_HASH};
 use crate::limits::{SCENE_BYTES_MAX, SCENE_TEXTURE_BYTES_MAX, SENTENCE_BYTES_MAX};
 use crate::message::{ChunkKey, SceneHash, ToNode};
 
-/// A place where chunks stay longer than a connection.
+/// A store of chunks that outlives connections.
 ///
-/// Whoever names a chunk knows the hash of its bytes, which only who has them can tell.
+/// A peer that names a chunk knows the hash of its bytes, which it can only have computed from them or
+/// learnt from someone who has them.
 pub trait ChunkStore: Send + Sync {
-    /// The chunk's bytes, if it has them; of those that it returns, [`ChunkKey::of`] is `chunk`.
+    /// The chunk's bytes, if the store has them; [`ChunkKey::of`] them must be `chunk`.
     fn read(&self, chunk: &ChunkKey) -> Option<Vec<u8>>;
 
-    /// Keeps a chunk, if it can.
+    /// Stores a chunk, if possible.
     fn write(&self, chunk: &ChunkKey, bytes: &[u8]);
 }
 
-/// A scene that has come, decoded and checked.
+/// A received scene, decoded and checked.
 #[derive(Debug)]
 pub struct ReceivedScene {
     pub(super) hash: SceneHash,
-    /// How many there were of its bytes.
+    /// Number of its encoded bytes.
     pub(super) bytes: usize,
     /// The scene, or a sentence for its sender.
     pub(super) scene: Result<Arc<Scene>, String>,
@@ -47,30 +48,30 @@ impl ReceivedScene {
     }
 }
 
-/// What has become of a scene after a packet of it.
+/// State of a scene after a packet of it.
 #[derive(Debug)]
 pub enum SceneProgress {
-    /// It is there, or is refused.
+    /// It is complete, or is refused.
     Received(ReceivedScene),
-    /// These of its chunks are not there.
+    /// Some of its chunks are missing.
     Wanted {
-        /// Its hash.
+        /// The scene's hash.
         hash: SceneHash,
-        /// Their places in its manifest.
+        /// The indices of the missing chunks in its manifest.
         chunks: Vec<u32>,
-        /// Bytes of those that are.
+        /// Bytes of the chunks that are not missing.
         bytes: usize,
-        /// Bytes of all.
+        /// Bytes of all chunks.
         of: usize,
     },
-    /// Another chunk of it has come.
+    /// Another chunk has arrived.
     Coming {
-        /// Bytes that are there.
+        /// Bytes of the chunks that are not missing.
         bytes: usize,
     },
 }
 
-/// Scenes of one connection, as their packets come.
+/// Assembler of the scenes of one connection from their packets.
 pub struct SceneAssembler {
     store: Option<Arc<dyn ChunkStore>>,
     bytes_max: usize,
@@ -78,7 +79,7 @@ pub struct SceneAssembler {
 }
 
 impl Default for SceneAssembler {
-    /// An assembler that keeps no chunks.
+    /// An assembler without a store.
     fn default() -> Self {
         Self::new(None, SCENE_BYTES_MAX)
     }
@@ -94,7 +95,7 @@ impl SceneAssembler {
         }
     }
 
-    /// Whether a scene is in memory of which chunks are awaited.
+    /// Whether a scene in memory is waiting for chunks.
     pub const fn is_under_way(&self) -> bool {
         self.assembly.is_some()
     }
@@ -102,7 +103,7 @@ impl SceneAssembler {
     /// Handles a packet that [`codec::is_of_scene`].
     ///
     /// # Errors
-    /// As [`codec::decode_to_node`]; [`Error::OutOfOrder`] for a part of a scene that was not awaited.
+    /// As [`codec::decode_to_node`]; [`Error::OutOfOrder`] for a part of a scene that was not expected.
     pub fn handle(&mut self, packet: &[u8]) -> Result<SceneProgress, Error> {
         let message = codec::decode_to_node(packet)?;
         self.handle_message(message, packet.len())
@@ -128,6 +129,7 @@ impl SceneAssembler {
             }
             (ToNode::Chunk { .. }, None) => out_of_order(CHUNK_NOT_WANTED),
             (ToNode::ChunksSent(sent), assembly) => {
+                // The transfer ends here, whatever the outcome.
                 match assembly.take().filter(|assembly| assembly.hash == sent) {
                     Some(assembly) => assembly.finish().map(SceneProgress::Received),
                     None => out_of_order(TRANSFER_NOT_OPEN),
@@ -137,9 +139,10 @@ impl SceneAssembler {
         }
     }
 
-    /// Reads what the store has of a scene.
+    /// Begins a scene with the chunks that the store has, and lists the others.
     fn begin(&mut self, hash: SceneHash, chunks: Vec<ChunkKey>) -> SceneProgress {
         let of: usize = chunks.iter().map(|chunk| chunk.bytes as usize).sum();
+        // Refused before any memory is allocated for the announced bytes.
         if of > self.bytes_max {
             let why = format!(
                 "it has {} MB, and a player's scenes may take {} MB of memory here: use smaller textures and fewer \
@@ -169,19 +172,19 @@ impl fmt::Debug for SceneAssembler {
     }
 }
 
-/// A scene whose chunks are awaited.
+/// A scene that waits for chunks.
 struct Assembly {
     hash: SceneHash,
     chunks: Vec<ChunkKey>,
-    /// Zeros where chunks are missing, which take memory when they are written.
+    /// Zeros where chunks are missing. Allocated zeroed, so that pages take memory only once written.
     bytes: Vec<u8>,
     bytes_there: usize,
-    /// Those that will come, in order; the first place of each.
+    /// Missing chunks in the order in which they will come, each at its first index.
     wanted: VecDeque<u32>,
 }
 
 impl Assembly {
-    /// What the store has is read, whatever else is wanted.
+    /// An assembly with all chunks that the store has.
     fn new(
         hash: SceneHash,
         chunks: Vec<ChunkKey>,
@@ -198,6 +201,7 @@ impl Assembly {
         let mut known = HashSet::new();
         for place in 0..assembly.chunks.len() {
             let chunk = assembly.chunks[place];
+            // A chunk that occurs several times is read or requested once; `put` copies it to all its places.
             if known.insert(chunk) {
                 match store.and_then(|store| store.read(&chunk)) {
                     Some(bytes) => assembly.put(chunk, &bytes),
@@ -208,7 +212,7 @@ impl Assembly {
         assembly
     }
 
-    /// Adds the next chunk that is wanted.
+    /// Adds the next missing chunk.
     fn add(
         &mut self,
         bytes: &[u8],
@@ -219,6 +223,7 @@ impl Assembly {
             return Err(Error::out_of_order(WHAT, CHUNK_NOT_WANTED));
         };
         let chunk = self.chunks[place as usize];
+        // Verified before it is stored, since other players may get it from the store.
         if ChunkKey::of(bytes) != chunk {
             return Err(Error::malformed(
                 WHAT,
@@ -233,7 +238,7 @@ impl Assembly {
         Ok(SceneProgress::Coming { bytes })
     }
 
-    /// Puts a chunk wherever the scene has it.
+    /// Copies a chunk to each place where the scene has it.
     fn put(&mut self, chunk: ChunkKey, bytes: &[u8]) {
         let mut start = 0;
         for other in &self.chunks {
@@ -252,6 +257,7 @@ impl Assembly {
             let rule = format!("{} chunks are still to come", self.wanted.len());
             return Err(Error::out_of_order(WHAT, rule));
         }
+        // Each chunk matches its own hash, but the manifest need not belong to the announced scene.
         if SceneHash::of_bytes(&self.bytes) != self.hash {
             return Err(Error::malformed(WHAT, SCENE_HASH));
         }
@@ -262,7 +268,7 @@ impl Assembly {
 
 const CHUNK_NOT_WANTED: &str = "no chunk is wanted";
 
-/// Whether a node draws a scene, or a sentence.
+/// Checks that a node can draw a scene. Returns a sentence for its sender if not.
 fn check_scene(scene: &Scene) -> Result<(), String> {
     scene.validate().map_err(|error| error.to_string())?;
     let bytes = scene.texture_bytes().map_err(|fault| fault.to_string())?;

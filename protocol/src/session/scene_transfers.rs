@@ -1,4 +1,4 @@
-//! Scenes that a client sends in chunks, one after the other.
+//! Transfers of scenes that a client sends in chunks, one scene after the other.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use crate::encoded_scene::EncodedScene;
 use crate::error::Error;
 use crate::message::{SceneHash, ToNode};
 
-/// Scenes whose chunks are sent or will be; the first is under way.
+/// Queue of the scenes that are or will be sent in chunks; the first is in progress.
 #[derive(Debug, Default)]
 pub(super) struct SceneTransfers {
     queue: VecDeque<SceneTransfer>,
@@ -23,7 +23,7 @@ struct SceneTransfer {
 #[derive(Debug)]
 enum TransferState {
     Waiting,
-    /// The node has been told its chunks.
+    /// The node has been told the scene's chunks.
     Announced,
     /// The node wants these, each once; they are sent in order.
     Sending(VecDeque<u32>),
@@ -41,14 +41,14 @@ impl SceneTransfers {
         self.queue.len()
     }
 
-    /// Whether the scene is in here and has not all been sent.
+    /// Whether the scene is queued and not completely sent.
     pub(super) fn is_sending(&self, hash: SceneHash) -> bool {
         self.queue.iter().any(|transfer| {
             transfer.scene.hash() == hash && !matches!(transfer.state, TransferState::Sent)
         })
     }
 
-    /// The next message of the first scene, if it has one now; with the scene if it is the last one.
+    /// The next message of the first scene and that scene, if the node need not answer first.
     pub(super) fn next(&mut self) -> Option<(ToNode, &Arc<EncodedScene>)> {
         let SceneTransfer { scene, state } = self.queue.front_mut()?;
         let hash = scene.hash();
@@ -72,13 +72,14 @@ impl SceneTransfers {
         Some((message, scene))
     }
 
-    /// Sends what the node lacks of the first scene, places in rising order.
+    /// Sets the chunks of the first scene that the node lacks, as ascending indices.
     pub(super) fn want(&mut self, hash: SceneHash, wanted: Vec<u32>) -> Result<(), Error> {
         const WHAT: &str = "list of wanted chunks";
         let Some(SceneTransfer { scene, state }) = self.first(hash) else {
             return Err(Error::out_of_order(WHAT, TRANSFER_NOT_OPEN));
         };
         let chunks = scene.chunks().len();
+        // Validation has ensured ascending indices, so the last one is the largest.
         if let Some(&chunk) = wanted.last()
             && chunk as usize >= chunks
         {
@@ -89,7 +90,7 @@ impl SceneTransfers {
         Ok(())
     }
 
-    /// The first scene, if chunks of it are on their way and it has so many bytes.
+    /// The first scene, if its chunks are being sent and it has at least `bytes` bytes.
     pub(super) fn coming(&self, bytes: usize) -> Option<&EncodedScene> {
         let first = self.queue.front().filter(|transfer| {
             let is_coming = matches!(
@@ -101,7 +102,7 @@ impl SceneTransfers {
         first.map(|transfer| transfer.scene.as_ref())
     }
 
-    /// Ends the first scene if it is this one.
+    /// Ends the first transfer if it is of this scene.
     pub(super) fn end(&mut self, hash: SceneHash) {
         if self.first(hash).is_some() {
             self.queue.pop_front();

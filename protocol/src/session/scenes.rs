@@ -1,14 +1,16 @@
-//! Cache of the scenes that a node keeps, the same at both ends.
+//! Cache of the scenes that a node keeps, mirrored by the client.
 //!
-//! A node uses its scenes in the order of the scene and trace messages it gets, which is the order
-//! in which the client sends them; one that travels in chunks counts as sent, and taken, with its last message. So a client that uses a cache of its own at each message knows
-//! what the node has thrown away. A scene that the node refuses is in the client's cache until the
-//! answer comes; all that it pushed out there and not at the node is a scene sent once more.
+//! A node touches its scenes in the order of the scene and trace messages it receives, which is the order
+//! in which the client sends them; a scene in chunks counts as sent, and as received, with its last message.
+//! A client that touches a cache of its own at each message therefore knows which scenes the node has
+//! evicted. A scene that the node refuses stays in the client's cache until the answer comes; if it evicted
+//! others there and not at the node, these are sent once more.
 
 use crate::limits::{SCENES_KEPT_BYTES_MAX, SCENES_KEPT_MAX};
 use crate::message::SceneHash;
 
-/// At most [`SCENES_KEPT_MAX`] scenes of [`SCENES_KEPT_BYTES_MAX`] bytes together, the most recently used last.
+/// Cache of at most [`SCENES_KEPT_MAX`] scenes of [`SCENES_KEPT_BYTES_MAX`] bytes together, the least
+/// recently used first.
 #[derive(Debug)]
 pub(super) struct SceneCache<T> {
     scenes: Vec<CachedScene<T>>,
@@ -27,15 +29,16 @@ impl<T> SceneCache<T> {
         Self { scenes }
     }
 
-    /// The scene of that hash, from now on the most recently used.
+    /// The scene with that hash, which becomes the most recently used.
     pub(super) fn touch(&mut self, hash: SceneHash) -> Option<&mut T> {
         let index = self.scenes.iter().position(|kept| kept.hash == hash)?;
+        // Moves the scene to the end; those used more recently keep their order before it.
         self.scenes[index..].rotate_left(1);
         self.scenes.last_mut().map(|kept| &mut kept.scene)
     }
 
-    /// Puts a scene of so many bytes in as the most recently used, in place of the least recently used if
-    /// there is no room.
+    /// Inserts a scene of `bytes` bytes as the most recently used, evicting the least recently used as
+    /// needed.
     pub(super) fn insert(&mut self, hash: SceneHash, bytes: usize, scene: T) {
         self.remove(hash);
         while self.scenes.len() == SCENES_KEPT_MAX
@@ -54,7 +57,7 @@ impl<T> SceneCache<T> {
         self.scenes.retain(|kept| kept.hash != hash);
     }
 
-    /// The scene of that hash, without using it.
+    /// The scene with that hash, without marking it as used.
     pub(super) fn peek(&self, hash: SceneHash) -> Option<&T> {
         let mut scenes = self.scenes.iter();
         scenes
@@ -62,7 +65,7 @@ impl<T> SceneCache<T> {
             .map(|kept| &kept.scene)
     }
 
-    /// The same, to be changed.
+    /// As [`Self::peek`], mutably.
     pub(super) fn peek_mut(&mut self, hash: SceneHash) -> Option<&mut T> {
         let mut scenes = self.scenes.iter_mut();
         scenes
@@ -75,8 +78,8 @@ impl<T> SceneCache<T> {
 mod tests {
     use super::*;
 
-    /// A client inserts what it sends and removes what is refused, later; a node inserts what it
-    /// takes. Both use scenes in the same order.
+    /// A client inserts what it sends and later removes what is refused; a node inserts what it accepts. Both
+    /// touch scenes in the same order.
     #[test]
     fn client_cache_holds_no_scene_the_node_evicted() {
         let (mut client, mut node) = (SceneCache::new(), SceneCache::new());

@@ -1,4 +1,4 @@
-//! Decoder of payloads to pixels.
+//! Decoder of payloads into pixels.
 
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -25,16 +25,16 @@ use crate::precision::{PixelPrecision, PrecisionRange};
 /// Decoded sRGB tiles of a payload.
 #[derive(Clone, Debug)]
 pub struct SrgbTiles {
-    /// Tile after tile, each row-major.
+    /// The pixels, tile after tile, each row-major.
     pub pixels: Vec<[u8; 3]>,
-    /// The tiles, to be remembered for later ones.
+    /// The tiles as references for later ones.
     pub references: Vec<Arc<ReferenceTile>>,
     /// The precision that the node chose.
     pub precision: PixelPrecision,
 }
 
 /// Decoder of payloads. Keep one per thread or connection: its buffer and its zstd context,
-/// some 160 kB, are used again.
+/// some 160 kB, are reused.
 pub struct Decoder {
     zstd: Decompressor<'static>,
     planes: Vec<u8>,
@@ -57,9 +57,9 @@ impl Decoder {
         }
     }
 
-    /// The pixels of `tiles`, which are those that the client asked for: from them and `format`
-    /// follows the one size that the payload may decompress to, and nothing beyond it is
-    /// allocated, whatever the payload says. Takes what `Encoder::encode` makes.
+    /// Decodes the pixels of `tiles`, which are those that the client requested: they and `format` determine
+    /// the only size that the payload may decompress to, and no more is allocated, whatever the payload says.
+    /// The inverse of `Encoder::encode`.
     ///
     /// # Errors
     /// [`Error::TooLarge`] for more than [`PIXELS_PER_MESSAGE_MAX`] pixels; [`Error::Malformed`]
@@ -88,10 +88,10 @@ impl Decoder {
         }))
     }
 
-    /// The pixels of sRGB tiles, each with its reference, of a precision in `range`.
+    /// Decodes sRGB tiles, each with its reference, at a precision in `range`.
     ///
     /// # Errors
-    /// As [`Decoder::decode`], and [`Error::Malformed`] if a tile needs a reference that is not there.
+    /// As [`Decoder::decode`], and [`Error::Malformed`] if a tile needs a reference that is missing.
     pub fn decode_srgb(
         &mut self,
         range: PrecisionRange,
@@ -144,7 +144,8 @@ impl Decoder {
                 }
             }
         }
-        // The masks say how long the planes are, and are packed with them: only bounds are known.
+        // The masks determine the length of the planes but are packed with them, so only bounds are known
+        // here.
         let least = mask_bytes + 3 * intra;
         let level = self.level;
         let planes = match (least, header.storage, header.body) {
@@ -153,7 +154,7 @@ impl Decoder {
         };
         let transform = InverseTransform::new(level, planes, mask_bytes, intra);
         let mut transform = transform.ok_or(DELTA_MASKS)?;
-        // Allocated once the planes have turned out to be there.
+        // Allocated only once the planes are known to be there.
         decoded.pixels = vec![[0; 3]; count];
         let mut pixels = &mut decoded.pixels[..];
         for ((tile, reference), mode) in tiles.iter().zip(&header.modes) {
@@ -193,7 +194,7 @@ impl Decoder {
         let precision = header.precision;
         let mut coder = RangeDecoder::new(header.body);
         self.delta_coder.begin();
-        // `count` follows from what was asked for, not from the payload.
+        // `count` follows from the request, not from the payload.
         decoded.pixels = Vec::with_capacity(count);
         for (tile, reference) in tiles {
             let reference = reference.ok_or(MISSING_REFERENCE)?;
@@ -216,15 +217,15 @@ impl Decoder {
             decoded.pixels.extend_from_slice(&tile.pixels);
             decoded.references.push(tile);
         }
-        // A range decoder reads any bytes without complaint; that it ends exactly where its encoder would
-        // is the only check of the stream's length there is.
+        // A range decoder accepts any bytes. That it ends exactly where its encoder would have ended is the
+        // only check of the stream's length.
         if coder.is_at_end() {
             return Ok(());
         }
         Err("its range coder does not end where it does".into())
     }
 
-    /// Planes of one of `sizes` bytes.
+    /// Decompressed planes, whose length must be one of `sizes`.
     fn unpack<'a>(
         &'a mut self,
         storage: u8,
@@ -268,6 +269,7 @@ fn decode_lossy(
         .filter(|(_, mode)| **mode == TileMode::Intra)
         .map(|((tile, _), _)| *tile)
         .collect();
+    // Without a scan, when all tiles are unchanged, the header keeps the storage bits of stored planes.
     let scan = match (scanned.is_empty(), header.storage) {
         (true, STORED) if header.body.is_empty() => Vec::new(),
         (false, JPEG) => jpeg::decode(precision, &scanned, header.body)?,
@@ -288,6 +290,8 @@ fn decode_lossy(
                 let tile = ReferenceTile { pixels, precision };
                 decoded.references.push(Arc::new(tile));
             }
+            // A reference of any precision can be repeated, also a lossy one, whose decoded pixels are held
+            // here.
             (TileMode::Unchanged, Some(same)) if same.pixels.len() == here.len() => {
                 here.copy_from_slice(&same.pixels);
                 decoded.references.push(Arc::clone(same));
@@ -309,9 +313,9 @@ fn checked_pixels(tiles: impl Iterator<Item = Tile>, format: PixelFormat) -> Res
     Err(Error::TooLarge { what, bytes, max })
 }
 
-/// One zstd frame (RFC 8878), all of the bytes, without a dictionary, of a stated size among
-/// `sizes`, which it hands out. Zstd alone would also take several frames, skippable ones among
-/// them.
+/// Checks that `frame` is exactly one zstd frame (RFC 8878) without a dictionary, whose stated content size
+/// is in `sizes`, and returns that size. Zstd alone would also accept several frames, skippable ones
+/// included.
 pub(crate) fn check_frame(frame: &[u8], sizes: &RangeInclusive<usize>) -> Result<usize, Reason> {
     if !frame.starts_with(&zstd_safe::MAGICNUMBER.to_le_bytes()) {
         return Err("it is no zstd frame".into());
@@ -342,7 +346,7 @@ pub(crate) fn undecompressed(why: &std::io::Error) -> Reason {
     format!("its zstd frame cannot be decompressed: {why}").into()
 }
 
-/// All at once: for one number at a time, `half` asks each time what the processor can do.
+/// Converts all at once: `half` would detect the processor's features again for each single number.
 pub(super) fn from_f16(bits: &[[u16; 3]]) -> Vec<[f32; 3]> {
     let mut pixels = vec![[0.0; 3]; bits.len()];
     let halves: &[half::f16] = bits.as_flattened().reinterpret_cast();

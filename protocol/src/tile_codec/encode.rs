@@ -1,4 +1,4 @@
-//! Encoder of payloads from radiance.
+//! Encoder of radiance into payloads.
 
 use std::sync::Arc;
 
@@ -19,14 +19,13 @@ use crate::limits::PIXELS_PER_MESSAGE_MAX;
 use crate::message::PixelFormat;
 use crate::precision::PixelPrecision;
 
-/// Encoder of payloads. Keep one per thread: its buffers and its zstd context, some 600 kB, are used
-/// again.
+/// Encoder of payloads. Keep one per thread: its buffers and its zstd context, some 600 kB, are reused.
 pub struct Encoder {
     zstd: Compressor<'static>,
     planes: Vec<u8>,
     transform: ForwardTransform,
     delta_coder: DeltaCoder,
-    /// Decoding time that recent messages left of what they may take: a token bucket.
+    /// Token bucket of decoding time in nanoseconds: what recent messages have left of their allowance.
     spare_nanos: f32,
     delta: DeltaStats,
     level: Level,
@@ -49,11 +48,11 @@ impl Encoder {
         }
     }
 
-    /// The payload of `tiles`, each with its radiance, row-major: exact and without references. The
-    /// same radiance gives the same pixels on every machine.
+    /// The payload of `tiles`, each with its row-major radiance, exact and without references. The same
+    /// radiance gives the same payload's pixels on every machine.
     ///
-    /// [`PixelFormat::LinearF16`] rounds to the nearest half float, of which ±65504 are the
-    /// outermost; NaN stays NaN. [`PixelFormat::LinearF32`] keeps each bit.
+    /// [`PixelFormat::LinearF16`] rounds to the nearest half float, clamped to ±65504; NaN stays NaN.
+    /// [`PixelFormat::LinearF32`] keeps each bit.
     ///
     /// # Panics
     /// If a tile's radiance is not as long as the tile has pixels, or there are more than
@@ -79,7 +78,7 @@ impl Encoder {
         payload
     }
 
-    /// The payload of sRGB tiles, and each tile as the client will remember it.
+    /// The payload of sRGB tiles, and each tile as the client will remember it for later references.
     ///
     /// # Panics
     /// As [`Encoder::encode`].
@@ -119,10 +118,10 @@ impl Encoder {
         };
         let bases: Vec<Option<&[[u8; 3]]>> = inputs.iter().zip(shown).map(base).collect();
         let all: Option<Vec<&[[u8; 3]]>> = bases.iter().copied().collect();
-        // Range coding takes a decoder ten times as long a changed pixel as planes do. While the
-        // camera turns all pixels change: there it is used as long as decoders keep their rate.
+        // Range coding takes a decoder ten times as long for a changed pixel as planes do. While the camera
+        // turns all pixels change; range coding is then used only as far as the decoders' throughput allows.
         let (payload, nanos) = match all {
-            // All or none of a message: one header names one storage, and the range coder needs a
+            // All tiles of a message or none: one header names one storage, and the range coder needs a
             // reference for each tile.
             Some(all) if self.spare_nanos >= 0.0 => {
                 self.encode_range_coded(precision, step, inputs, shown, &all)
@@ -130,20 +129,21 @@ impl Encoder {
             _ => self.encode_planes(precision, step, inputs, shown, &bases),
         };
         let pixels: usize = shown.iter().map(Vec::len).sum();
+        // Token bucket: each pixel earns the allowed mean time, and the message spends its estimated time.
         let spare_nanos = self.spare_nanos + PIXEL_NANOS * pixels as f32 - nanos;
-        // Bounded above, or a still minute would be spent on seconds of slow frames. It may fall below 0
-        // by one message.
+        // Bounded above, or the credit of a still minute would be spent on seconds of slowly decoded frames.
+        // It may fall below 0 by one message, whose cost is known only afterwards.
         self.spare_nanos = spare_nanos.min(SPARE_NANOS_MAX);
         let kept = inputs.iter().zip(shown).map(|(input, pixels)| {
-            // What the decoder has, not what was traced: errors of quantisation would otherwise add up
-            // from frame to frame.
+            // What the decoder has, not what was traced: quantisation errors would otherwise accumulate from
+            // frame to frame.
             let pixels = rounded(step, input.tile.width as usize, pixels);
             Arc::new(ReferenceTile { pixels, precision })
         });
         (payload, kept.collect())
     }
 
-    /// The payload, and the time it takes a decoder.
+    /// The payload, and the estimated time in nanoseconds that a decoder takes for it.
     fn encode_range_coded(
         &mut self,
         precision: PixelPrecision,
@@ -172,7 +172,7 @@ impl Encoder {
         (payload, nanos)
     }
 
-    /// The payload, and the time it takes a decoder.
+    /// The payload, and the estimated time in nanoseconds that a decoder takes for it.
     fn encode_planes(
         &mut self,
         precision: PixelPrecision,
@@ -213,7 +213,7 @@ impl Encoder {
             let reference = input.reference;
             let changed = reference.map(|known| known.count_changed(input.tile.width, &pixels));
             self.delta.add(pixels.len(), reference.is_none(), changed);
-            // Pixels that are shown as finely already are not sent again.
+            // A tile that the client shows unchanged, at this precision or a finer one, is not sent again.
             let same = reference.filter(|known| changed == Some(0) && known.precision <= precision);
             if let Some(same) = same {
                 modes.push(TileMode::Unchanged);
@@ -237,13 +237,13 @@ impl Encoder {
         (payload, kept)
     }
 
-    /// Appends the planes, compressed if that gains anything, and says so in the first byte.
+    /// Appends the planes, compressed if that is shorter, and sets the storage in the first byte.
     fn pack(&mut self, payload: &mut Vec<u8>) {
         if self.planes.is_empty() && payload.len() > 1 {
             return; // all tiles are unchanged
         }
         let start = payload.len();
-        // One byte shorter than storing: zstd fails if it gains nothing.
+        // The buffer is one byte shorter than the planes, so that zstd fails if it gains nothing.
         payload.resize(start + self.planes.len().saturating_sub(1), 0);
         match self
             .zstd
@@ -278,23 +278,24 @@ fn count_pixels(tiles: impl Iterator<Item = (Tile, usize)>) -> usize {
 }
 
 pub(super) fn f16_bits(pixel: [f32; 3]) -> [u16; 3] {
+    // Clamped, since larger values would round to infinity; `clamp` passes NaN through.
     let limit = half::f16::MAX.to_f32();
     pixel.map(|channel| half::f16::from_f32(channel.clamp(-limit, limit)).to_bits())
 }
 
-/// Time that a decoder may take for a pixel on average, here and below on a core of 2023: 520 MB/s.
-/// Spending it on range coding makes a turning camera's frames a tenth smaller than planes alone; range
+/// Mean decoding time that a pixel may take in nanoseconds, here and below on a core of 2023: 520 MB/s.
+/// Spending it on range coding makes the frames of a turning camera a tenth smaller than planes alone; range
 /// coding all of them would make them a third smaller and four times slower to decode.
 const PIXEL_NANOS: f32 = 5.75;
-/// Time for a pixel of planes ...
+/// Decoding time in nanoseconds of a pixel in planes.
 const PLANES_NANOS: f32 = 5.0;
-/// ... for a pixel of a range-coded tile ...
+/// Decoding time in nanoseconds of any pixel of a range-coded tile.
 const REFERENCE_NANOS: f32 = 0.8;
-/// ... beside it for one that has changed ...
+/// Additional decoding time in nanoseconds of a changed pixel of a range-coded tile.
 const CHANGED_NANOS: f32 = 52.0;
-/// ... and for each range-coded byte.
+/// Additional decoding time in nanoseconds of a range-coded byte.
 const RANGE_CODED_BYTE_NANOS: f32 = 36.0;
-/// Capacity of the bucket: half a frame of 1280×720, since balls that roll fill a quarter of one.
+/// Capacity of the token bucket: half a frame of 1280×720, since rolling balls change a quarter of one.
 const SPARE_NANOS_MAX: f32 = 64.0 * 8192.0 * (PIXEL_NANOS - REFERENCE_NANOS);
-/// Level 3 was larger and 2 to 4 times slower on noise once a predictor is used.
+/// Level 3 was larger and 2 to 4 times slower on noise, with a predictor in front of it.
 const ZSTD_LEVEL: i32 = 1;

@@ -3,18 +3,18 @@
 use crate::error::{EMPTY, Reason};
 use crate::precision::PixelPrecision;
 
-/// How a tile of a payload is coded.
+/// Coding mode of a tile in a payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TileMode {
-    /// By itself: differences between neighbours, or a JPEG scan.
+    /// By itself: differences between neighbouring pixels, or a JPEG scan.
     Intra,
     /// Against its reference: a mask and the differences of the marked pixels.
     Delta,
-    /// Not at all: it is as its reference is.
+    /// Not at all: it equals its reference.
     Unchanged,
 }
 
-/// The header of a payload, parsed, and what follows it.
+/// Parsed header of a payload, and the bytes after it.
 pub(super) struct Header<'a> {
     pub(super) precision: PixelPrecision,
     /// One of [`STORED`], [`ZSTD`], [`JPEG`] and [`RANGE_CODED`].
@@ -61,12 +61,12 @@ impl TileMode {
     }
 }
 
-/// The first byte of a payload without modes.
+/// The first byte of a payload without tile modes.
 pub(super) fn first_byte(precision: PixelPrecision, storage: u8) -> u8 {
     (precision as u8) << PRECISION_SHIFT | storage
 }
 
-/// The header of a payload with stored planes, which gets the bits of another storage later.
+/// The header of a payload with stored planes; another storage's bits are set in its first byte later.
 pub(super) fn write(precision: PixelPrecision, modes: &[TileMode]) -> Vec<u8> {
     let first = first_byte(precision, STORED);
     if modes.iter().all(|mode| *mode == TileMode::Intra) {
@@ -80,7 +80,7 @@ pub(super) fn write(precision: PixelPrecision, modes: &[TileMode]) -> Vec<u8> {
     bytes
 }
 
-/// Bits of the first byte that name the storage.
+/// Bits of the first byte that state the storage.
 const STORAGE_MASK: u8 = 3;
 /// Planes as they are.
 pub(super) const STORED: u8 = 0;
@@ -90,8 +90,8 @@ pub(super) const ZSTD: u8 = 1;
 pub(super) const JPEG: u8 = 2;
 /// Delta masks and values of all tiles, range coded; without modes.
 pub(super) const RANGE_CODED: u8 = 3;
-/// The bit that says that modes follow, two bits a tile, the first tile's the lowest.
+/// Bit of the first byte that states that tile modes follow: two bits a tile, the first tile's the lowest.
 const MODES: u8 = 4;
-/// The bits above it are the precision.
+/// The precision is the bits of the first byte from this one up.
 const PRECISION_SHIFT: u32 = 3;
 const TILES_PER_BYTE: usize = 4;

@@ -1,8 +1,8 @@
-//! JPEG scans of the lossy precisions (ITU T.81, baseline) without the 600 bytes of tables that both
-//! ends know.
+//! JPEG scans of the lossy precisions (ITU T.81, baseline), without the 600 bytes of headers and tables,
+//! which both ends can construct.
 //!
-//! The tiles of a message are stacked into one picture as wide as the widest. A message of 8192
-//! denoised pixels is 700 bytes at quality 90, so that sending the tables would double it.
+//! The tiles of a message are stacked into one picture as wide as the widest tile. A message of 8192
+//! denoised pixels has 700 bytes at quality 90, which the tables would nearly double.
 
 use std::sync::LazyLock;
 
@@ -16,7 +16,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 use crate::error::Reason;
 use crate::precision::PixelPrecision;
 
-/// The scan of the tiles' pixels, each row-major.
+/// Encodes the tiles' pixels, each row-major, into a scan.
 pub(crate) fn encode(precision: PixelPrecision, tiles: &[(Tile, &[[u8; 3]])]) -> Vec<u8> {
     let (width, height) = stacked(tiles.iter().map(|(tile, _)| *tile));
     let mut pixels = Vec::with_capacity(width * height);
@@ -24,7 +24,7 @@ pub(crate) fn encode(precision: PixelPrecision, tiles: &[(Tile, &[[u8; 3]])]) ->
         for row in tile_pixels.chunks_exact(tile.width as usize) {
             pixels.extend_from_slice(row);
             let last = row[row.len() - 1];
-            // Filled with the last pixel, which leaves no edge for the transform to code.
+            // Padded with the last pixel of the row, which adds no edge for the DCT to code.
             pixels.resize(pixels.len() + width - row.len(), last);
         }
     }
@@ -34,16 +34,16 @@ pub(crate) fn encode(precision: PixelPrecision, tiles: &[(Tile, &[[u8; 3]])]) ->
     file
 }
 
-/// The tiles' pixels, tile after tile, from their scan. What is missing in a scan that is cut
-/// short is grey.
+/// Decodes the tiles' pixels, tile after tile, from their scan. Pixels missing from a truncated scan are
+/// grey.
 pub(crate) fn decode(
     precision: PixelPrecision,
     tiles: &[Tile],
     scan: &[u8],
 ) -> Result<Vec<[u8; 3]>, Reason> {
     let (width, height) = stacked(tiles.iter().copied());
-    // The size comes from the request and not from the scan, so that the decoder allocates no more than
-    // was asked for.
+    // The size comes from the request and not from the scan, so that the decoder allocates no more than was
+    // requested.
     let file = [&header(precision, width, height), scan, &END].concat();
     let options = DecoderOptions::new_fast()
         .set_max_width(width)
@@ -69,7 +69,7 @@ pub(crate) fn decode(
     Ok(pixels)
 }
 
-/// Width and height of the picture that holds the tiles.
+/// Width and height of the picture of stacked tiles.
 fn stacked(tiles: impl Iterator<Item = Tile>) -> (usize, usize) {
     tiles.fold((0, 0), |(width, height), tile| {
         (
@@ -103,7 +103,7 @@ fn whole_file(
     file
 }
 
-/// All that stands before the scan: the same for each picture of a precision, but for its size.
+/// The file up to its scan: the same for each picture of a precision, except for the size.
 fn header(precision: PixelPrecision, width: usize, height: usize) -> Vec<u8> {
     static HEADERS: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
         [
@@ -112,6 +112,7 @@ fn header(precision: PixelPrecision, width: usize, height: usize) -> Vec<u8> {
             PixelPrecision::Lossy50,
         ]
         .map(|precision| {
+            // A picture of one pixel serves as the template: headers of other sizes differ in the size alone.
             let mut file = whole_file(precision, &[[0; 3]], 1, 1);
             file.truncate(scan_start(&file));
             file
@@ -124,21 +125,22 @@ fn header(precision: PixelPrecision, width: usize, height: usize) -> Vec<u8> {
     };
     let frame = segments(&header).find(|(marker, _)| *marker == START_OF_FRAME);
     let (_, frame) = frame.expect("each file has a frame header");
-    // After the marker, the length and the bits of a sample (ITU T.81, B.2.2).
+    // Height and width follow the marker, the length and the sample precision (ITU T.81, B.2.2).
     header[frame + 5..frame + 7].copy_from_slice(&(height as u16).to_be_bytes());
     header[frame + 7..frame + 9].copy_from_slice(&(width as u16).to_be_bytes());
     header
 }
 
-/// Where the scan's bytes begin in a file.
+/// Offset of the scan's entropy-coded bytes in a file.
 fn scan_start(file: &[u8]) -> usize {
     let scan = segments(file).find(|(marker, _)| *marker == START_OF_SCAN);
     let (_, scan) = scan.expect("each file has a scan");
     scan + 2 + usize::from(u16::from_be_bytes([file[scan + 2], file[scan + 3]]))
 }
 
-/// Marker and place of each segment of a file, up to its scan.
+/// Marker and offset of each segment of a file. Meaningful up to the scan, whose bytes state no length.
 fn segments(file: &[u8]) -> impl Iterator<Item = (u8, usize)> + '_ {
+    // Behind the marker of the start of the image, which has no length.
     let mut at = 2;
     std::iter::from_fn(move || {
         let segment = (*file.get(at + 1)?, at);
@@ -147,7 +149,7 @@ fn segments(file: &[u8]) -> impl Iterator<Item = (u8, usize)> + '_ {
     })
 }
 
-/// End of image.
+/// Marker of the end of the image.
 const END: [u8; 2] = [0xff, 0xd9];
 const START_OF_FRAME: u8 = 0xc0;
 const START_OF_SCAN: u8 = 0xda;
@@ -157,7 +159,7 @@ const HEADER_BYTES: usize = 640;
 mod tests {
     use super::*;
 
-    /// Both ends make the header on their own. Whoever changes it raises the protocol's version.
+    /// Both ends construct the header themselves, so a change of it must raise the protocol's version.
     #[test]
     fn jpeg_header_changes_only_with_version() {
         let hashes = [

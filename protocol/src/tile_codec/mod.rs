@@ -9,18 +9,17 @@
 //!          ▶ bits of f16 or f32 ▶ minus green, minus the left neighbour ▶ byte planes ▶ zstd level 1
 //! ```
 //!
-//! `protocol/WIRE.md` gives a payload's bytes. The tiles of a message, eight of 32 pixels, are
-//! transformed one by one and compressed together. Against a [`ReferenceTile`], which the client
-//! said that it holds, a tile is delta-coded; the two sessions agree on which tile has which
-//! reference.
+//! `protocol/WIRE.md` specifies a payload's bytes. The tiles of a message, eight of 32×32 pixels, are
+//! transformed one by one and compressed together. A tile is delta-coded against a [`ReferenceTile`]
+//! that the client has stated it holds; the two sessions agree on which tile has which reference.
 //!
 //! # Decisions
 //!
-//! A part stays if without it the pool table at 1280×720 and 60 frames a second takes 10 % more
-//! bytes where it applies. Each figure compares with the codec of that time in the same run, with all
-//! other parts on: the change in bytes over precisions `exact`, `within1` and `within2`, of frames of
-//! 4 samples, those denoised, and of 64 samples. "Balls" are six that roll under a still camera.
-//! `carom-bench codec` measures the rows that stand here as they are.
+//! A part stays if the pool table at 1280×720 and 60 frames a second takes at least 10 % more bytes
+//! without it where it applies. Each figure is the change in bytes against the codec at the time of the
+//! measurement, with all other parts on, over the precisions `exact`, `within1` and `within2` and over frames
+//! of 4 samples, the same denoised, and of 64 samples. "Balls" are six that roll under a still camera.
+//! `carom-bench codec` reproduces the rows of parts that exist.
 //!
 //! | part | without it: intra | balls | moving camera | decision |
 //! |---|---|---|---|---|
@@ -36,10 +35,10 @@
 //! | red and blue by themselves | 0 to +23 % | 0 to +1 % | +1 to +3 % | stays, alone |
 //! | levels that alternate by row | -27 to -2 % | -10 to -1 % | -12 to -2 % | stays: FLIP is ×1.5 to ×3.4 without |
 //!
-//! All that is gone together changes the bytes by -2 to +6 % at 640×360, most of them exact with six
-//! balls rolling, and makes the encoder 10 to 20 % faster; of 128×72 noisy pixels, exact and right after
-//! a camera cut, it costs 19 %. What zstd planes and JPEG would do without delta coding, of 4 samples and
-//! denoised, in Mbit/s, with MB/s of sRGB pixels a core encodes and decodes:
+//! The removal of all parts that are gone changes the bytes by -2 to +6 % at 640×360, most with exact pixels
+//! and six rolling balls, and makes the encoder 10 to 20 % faster; for 128×72 noisy pixels, exact and right
+//! after a camera cut, it costs 19 %. Mbit/s with 4 samples / denoised, and MB/s of sRGB pixels that a core
+//! encodes and decodes:
 //!
 //! | precision | intra | encode | decode | balls | encode | decode | moving camera | encode | decode |
 //! |---|---|---|---|---|---|---|---|---|---|
@@ -105,7 +104,7 @@ impl TilePixels {
         }
     }
 
-    /// Pixels of traced tiles as a decoder gives them after an exact encoder, bit for bit.
+    /// The pixels that a decoder returns for these tiles after an exact encoder, bit for bit.
     pub fn of(format: PixelFormat, tiles: &[(Tile, &[[f32; 3]])]) -> Self {
         let radiance = tiles.iter().flat_map(|(_, radiance)| *radiance);
         let count = tiles.iter().map(|(_, radiance)| radiance.len()).sum();
@@ -123,13 +122,13 @@ impl TilePixels {
         }
     }
 
-    /// Whether they are `count` pixels of a format.
+    /// Whether they are `count` pixels of that format.
     pub fn fits(&self, format: PixelFormat, count: usize) -> bool {
         let is_srgb = matches!(format, PixelFormat::Srgb8 { .. });
         is_srgb == matches!(self, Self::Srgb8(_)) && self.len() == count
     }
 
-    /// Bytes that they take in memory.
+    /// Bytes that the pixels occupy in memory.
     pub fn bytes(&self) -> usize {
         match self {
             Self::Srgb8(pixels) => size_of_val(&pixels[..]),
@@ -143,14 +142,14 @@ impl TilePixels {
     }
 }
 
-/// A traced tile that is to be sent as sRGB.
+/// A traced tile to be encoded as sRGB.
 #[derive(Clone, Copy, Debug)]
 pub struct TileInput<'a> {
     /// Its place in the frame.
     pub tile: Tile,
     /// Its pixels, row-major.
     pub radiance: &'a [[f32; 3]],
-    /// The tile that the client holds there.
+    /// The tile that the client holds at this place.
     pub reference: Option<&'a Arc<ReferenceTile>>,
 }
 

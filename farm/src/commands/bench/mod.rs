@@ -1,5 +1,4 @@
-//! `carom-farm bench`: the measurements by which a user judges a machine and the settings of a
-//! picture.
+//! `carom-farm bench`: measurements by which a user judges a machine and the settings of a picture.
 
 mod progress;
 mod trace;

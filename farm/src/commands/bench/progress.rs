@@ -1,19 +1,19 @@
-//! Lines on standard error about how far a measurement is, for whoever waits for it.
+//! Progress of a measurement, reported on standard error.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
-/// A measurement that says how far it is after three seconds and every ten from then on, until it is dropped.
+/// Reporter that prints progress after three seconds and every ten seconds from then on, until it is dropped.
 pub(super) struct Progress {
     done: Arc<AtomicUsize>,
-    /// Its end is the measurement's.
+    /// Dropping it ends the thread.
     _end: Option<Sender<()>>,
 }
 
 impl Progress {
-    /// Of so many `pictures`.
+    /// Starts reporting about a measurement of this many pictures.
     pub(super) fn start(what: &'static str, pictures: usize) -> Self {
         let done = Arc::<AtomicUsize>::default();
         let (end, ended) = mpsc::channel::<()>();
@@ -26,7 +26,7 @@ impl Progress {
                 period = REPORT_PERIOD;
             }
         };
-        // Without a thread there are no lines.
+        // If no thread can be started, nothing is reported.
         let thread = std::thread::Builder::new().spawn(report);
         Self {
             done,
@@ -40,6 +40,6 @@ impl Progress {
     }
 }
 
-/// As long as a render waits in silence.
+/// Silence before the first report, as long as that of a render.
 const REPORT_AFTER: Duration = Duration::from_secs(3);
 const REPORT_PERIOD: Duration = Duration::from_secs(10);

@@ -57,9 +57,9 @@ pub(crate) struct Args {
 struct Report {
     scene: String,
     backends: Vec<Row>,
-    /// Rate of all devices at once over the best one's.
+    /// Ratio of the rate of all devices together to the best one's.
     hybrid_over_best_device: Option<f64>,
-    /// Rate of the GPU over one scalar thread's.
+    /// Ratio of the GPU's rate to that of one scalar thread.
     gpu_over_scalar_thread: Option<f64>,
     scaling: Vec<Scaling>,
 }
@@ -72,18 +72,18 @@ struct Row {
     threads: u32,
     msamples_per_core_second: f64,
     msamples_per_second: f64,
-    /// Absent where the device does not count rays.
+    /// Absent if the device does not count rays.
     mrays_per_second: Option<f64>,
-    /// Camera rays alone; absent likewise.
+    /// Rate of camera rays alone; absent if the device does not count rays.
     primary_mrays_per_core_second: Option<f64>,
 }
 
-/// The CPU with some of its cores.
+/// Speed of the CPU with some of its cores.
 #[derive(Serialize)]
 struct Scaling {
     threads: usize,
     msamples_per_second: f64,
-    /// Over that of one thread, per thread.
+    /// Rate per thread relative to that of a single thread.
     efficiency: f64,
 }
 
@@ -112,7 +112,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What one repetition took.
+/// Cost of one repetition.
 #[derive(Clone, Copy)]
 struct Cost {
     wall_secs: f64,
@@ -121,7 +121,7 @@ struct Cost {
     rays: u64,
 }
 
-/// The best of `costs` by the clock, and by CPU time.
+/// The minima of `costs` in wall-clock time and in CPU time, in seconds.
 fn least(costs: &[Cost]) -> (f64, f64) {
     let least = |cost: fn(&Cost) -> f64| costs.iter().map(cost).fold(f64::INFINITY, f64::min);
     (least(|c| c.wall_secs), least(|c| c.core_secs))
@@ -140,11 +140,12 @@ fn measure_all(
         progress.step();
     }
     let mut costs = vec![(Vec::new(), Vec::new()); opened.len()];
+    // Back ends take turns, so that changes of the machine's clock rate affect all of them alike.
     for _ in 0..args.repetitions {
         for (opened, (paths, primary)) in opened.iter().zip(&mut costs) {
             let samples = args.spp.unwrap_or(samples_default(opened.backend));
             let tracer = opened.tracer.as_ref();
-            // The others' turns let it sleep.
+            // It has fallen back to low clocks during the others' turns.
             if tracer.info().kind == DeviceKind::Gpu {
                 backend::wake(tracer, || {
                     trace(tracer, scene, args.size, settings(samples)).map(|_| ())
@@ -184,7 +185,7 @@ fn row(opened: &OpenBackend, paths: &[Cost], primary: &[Cost]) -> Row {
     }
 }
 
-/// Compiles kernels, starts threads and fills caches; devices that share work find their shares.
+/// Compiles kernels, starts threads and fills caches; devices that share work determine their shares.
 fn warm_up(
     opened: &OpenBackend,
     scene: &CompiledScene,
@@ -218,6 +219,7 @@ fn scaling(scene: &CompiledScene, args: &Args) -> anyhow::Result<Vec<Scaling>> {
     let mut costs = vec![Vec::new(); counts.len()];
     let pictures = counts.len() * (1 + args.repetitions as usize);
     let progress = Progress::start("threads", pictures);
+    // One more than asked for, as a warm-up; the best repetition counts.
     for _ in 0..=args.repetitions {
         for (tracer, costs) in tracers.iter().zip(&mut costs) {
             let samples = args.spp.unwrap_or(samples_default(Backend::Cpu));
@@ -241,9 +243,8 @@ fn rate(rows: &[Row], backend: Backend) -> Option<&Row> {
     rows.iter().find(|row| row.backend == backend.name())
 }
 
-/// The rate of all devices together over that of the best one alone: the median of turns of one
-/// picture each. Pictures of some milliseconds scatter by several percent, and so does the best of
-/// a few.
+/// The rate of all devices together relative to the best one alone: the median over alternating pictures. The
+/// times of pictures of a few milliseconds scatter by several percent, and so does the best of a few.
 fn hybrid_over_best(
     opened: &[OpenBackend],
     rows: &[Row],
@@ -282,7 +283,7 @@ fn gpu_over_scalar(rows: &[Row]) -> Option<f64> {
     Some(rate(rows, Backend::Gpu)?.msamples_per_second / scalar)
 }
 
-/// Enough for a second or so of work on one core, if the machine is no faster than that.
+/// Samples per pixel that take about a second of one core, or less on a faster machine.
 fn samples_default(backend: Backend) -> u32 {
     match backend {
         Backend::Cpu => 4,
@@ -329,11 +330,11 @@ fn trace(
     })
 }
 
-/// Of the hybrid and the best device alone.
+/// Number of comparisons of the hybrid with the best device alone.
 const TURNS: Range<usize> = 5..301;
 const TURNS_TIME: Duration = Duration::from_secs(5);
 
-/// The farm's own tiles.
+/// Edge of a tile in pixels, as in the farm.
 const TILE_EDGE: u16 = 32;
 
 fn print_table(report: &Report, size: ImageSize) {

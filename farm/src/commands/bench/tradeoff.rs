@@ -1,5 +1,4 @@
-//! `carom-farm bench tradeoff`: cost and gain of each setting of a picture, and the choices that no
-//! other beats.
+//! `carom-farm bench tradeoff`: cost and error of each setting of a picture, and the Pareto-optimal choices.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -49,7 +48,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// One choice of all knobs.
+/// One combination of all settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 struct Choice {
     scale: f64,
@@ -64,13 +63,13 @@ struct Row {
     backend: &'static str,
     #[serde(flatten)]
     choice: Choice,
-    /// The preset that makes this choice.
+    /// The preset with this choice, if any.
     preset: Option<&'static str>,
     milliseconds: f64,
     bytes: usize,
     rel_mse: f64,
     flip: f64,
-    /// Relative error of the mean, per channel.
+    /// Relative error of the picture's mean, per channel.
     bias: [f64; 3],
     pareto: bool,
 }
@@ -94,7 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         rows: Vec::new(),
     };
     for opened in backend::open_all(args.backend, 0)? {
-        // The scalar tracer is slower than both and no better.
+        // The scalar tracer is slower than both others and gives no better picture.
         if opened.backend == Backend::Scalar && args.backend.is_none() {
             continue;
         }
@@ -110,11 +109,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A picture as a screen shows it.
+/// A picture as displayed on a screen.
 struct Screen {
     size: ImageSize,
     srgb: Vec<[u8; 3]>,
-    /// The light of `srgb`.
+    /// Linear radiance of `srgb`.
     light: RadianceImage,
 }
 
@@ -130,7 +129,7 @@ impl Screen {
         Self::new(image.size, srgb.collect())
     }
 
-    /// Bilinear, as the game's window does it.
+    /// Scales bilinearly, as the game's window does.
     fn stretched(self, to: ImageSize) -> Self {
         if self.size == to {
             return self;
@@ -179,7 +178,7 @@ fn sweep(
     let measure = |choice: Choice| -> anyhow::Result<Row> {
         let mut milliseconds = f64::INFINITY;
         let mut traced = None;
-        // It has slept while the processor compared the last choice's picture.
+        // The GPU has fallen back to low clocks while the CPU compared the previous choice's picture.
         if tracer.info().kind == DeviceKind::Gpu {
             backend::wake(tracer, || {
                 trace(tracer, scene, reference.size, choice).map(|_| ())
@@ -214,7 +213,7 @@ fn sweep(
     Ok(rows)
 }
 
-/// The picture and what it cost, in ms.
+/// Traces a picture; returns it and its cost in milliseconds.
 fn trace(
     tracer: &dyn Tracer,
     scene: &CompiledScene,
@@ -237,7 +236,7 @@ fn trace(
     Ok((image, secs.as_secs_f64() * 1e3))
 }
 
-/// The picture as it comes out of the wire, and its bytes there.
+/// Encodes and decodes a picture as for transmission; returns the result and the number of bytes.
 fn transmit(image: &RadianceImage, precision: PixelPrecision) -> anyhow::Result<(Screen, usize)> {
     let (mut encoder, mut decoder) = (Encoder::new(), Decoder::new());
     let grid = TileGrid::new(image.size, TILE_EDGE);
@@ -294,7 +293,8 @@ impl Choice {
     }
 }
 
-/// Resolution, samples and denoiser all with each other; depth and precision by themselves.
+/// The measured choices: resolution, samples and denoiser in all combinations; depth and precision one at a
+/// time.
 fn choices() -> Vec<Choice> {
     let full = Choice::of(Preset::High);
     let mut choices: Vec<Choice> = Preset::ALL.map(Choice::of).to_vec();
@@ -319,7 +319,7 @@ fn choices() -> Vec<Choice> {
     once
 }
 
-/// Marks the rows that no other beats in time and FLIP.
+/// Marks the Pareto-optimal rows: those that no other is at least as good as in time and FLIP.
 fn mark_pareto(rows: &mut [Row]) {
     let costs: Vec<(f64, f64)> = rows
         .iter()
@@ -373,6 +373,6 @@ fn print_table(report: &Report) {
     }
 }
 
-/// The farm's own tiles.
+/// Edge of a tile in pixels, as in the farm.
 const TILE_EDGE: u16 = 32;
 const EXPOSURE: f32 = 1.0;

@@ -1,4 +1,4 @@
-//! AWS command line as a library: JSON in, JSON out, faults as sentences.
+//! Wrapper of the AWS command line: JSON in, JSON out, faults as sentences.
 
 use std::io::{ErrorKind, Write as _};
 use std::process::{Command, Stdio};
@@ -9,7 +9,7 @@ use tempfile::NamedTempFile;
 
 use crate::commands::Failure;
 
-/// The program `aws` of this machine, in one region.
+/// The program `aws` of this machine, for one region.
 pub(super) struct AwsCli {
     region: Option<String>,
 }
@@ -19,12 +19,12 @@ impl AwsCli {
         Self { region }
     }
 
-    /// What a command prints; null if that is nothing.
+    /// Runs a command and returns its output; null if there is none.
     pub(super) fn json(&self, args: &[&str]) -> Result<Value, Failure> {
         parsed(&self.run(args, None)?)
     }
 
-    /// The same of a command with its arguments in a file that nobody else reads: secrets are in no list of
+    /// Runs a command with its arguments in a private file, so that secrets do not appear in the list of
     /// processes.
     pub(super) fn json_from(&self, args: &[&str], input: &Value) -> Result<Value, Failure> {
         let mut file = NamedTempFile::new().context("a file for the program aws")?;
@@ -34,12 +34,12 @@ impl AwsCli {
         parsed(&self.run(&args, None)?)
     }
 
-    /// Waits for the end of a command.
+    /// Runs a command to its end.
     pub(super) fn done(&self, args: &[&str]) -> Result<(), Failure> {
         self.run(args, None).map(drop)
     }
 
-    /// The same with text on its standard input.
+    /// Runs a command to its end, with text on its standard input.
     pub(super) fn done_with(&self, args: &[&str], input: &str) -> Result<(), Failure> {
         self.run(args, Some(input)).map(drop)
     }
@@ -63,7 +63,7 @@ impl AwsCli {
             _ => Failure::Run(anyhow!(why).context("the program aws")),
         })?;
         if let (Some(mut stdin), Some(input)) = (child.stdin.take(), input) {
-            // Should it end before it has read all, its own words say why.
+            // A command that ends before it has read everything states the reason itself.
             let _ = stdin.write_all(input.as_bytes());
         }
         let output = child.wait_with_output().context("the program aws")?;
@@ -81,7 +81,7 @@ fn parsed(text: &str) -> Result<Value, Failure> {
     Ok(serde_json::from_str(text).context("what the program aws prints")?)
 }
 
-/// What `aws` says of a command that failed, as advice where the machine is not set up for it.
+/// The failure of a command from its standard error, with advice if the machine is not set up.
 fn failure(args: &[&str], said: &str) -> Failure {
     let advice = [
         ("Unable to locate credentials", NO_CREDENTIALS),

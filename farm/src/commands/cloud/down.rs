@@ -1,4 +1,4 @@
-//! `carom-farm cloud down`: deletes a farm and looks for what is left.
+//! `carom-farm cloud down`: deletes a farm and checks for leftovers.
 
 use anyhow::anyhow;
 
@@ -27,7 +27,7 @@ pub(super) fn run(args: &DownArgs) -> Result<(), Failure> {
             args.yes,
         )?;
         if let Some(bucket) = stack.output("Bucket")? {
-            // A stack keeps a bucket that holds something.
+            // CloudFormation does not delete a bucket unless it is empty.
             let url = format!("s3://{bucket}");
             stack
                 .aws

@@ -1,4 +1,4 @@
-//! `carom-farm cloud status` and `cloud logs`: the machines of a farm, and what they have written.
+//! `carom-farm cloud status` and `cloud logs`: the machines of a farm, and their console output.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -51,7 +51,7 @@ fn print(machine: &Machine) {
     println!("{id} {kind:<12} {state:<10} {market:<9} {address}");
 }
 
-/// Writes the addresses of machines that run.
+/// Writes the addresses of running machines.
 pub(super) fn write_nodes(path: &Path, machines: &[Machine]) -> Result<(), Failure> {
     let mut text = String::new();
     for machine in machines.iter().filter(|machine| machine.state == "running") {
@@ -59,7 +59,7 @@ pub(super) fn write_nodes(path: &Path, machines: &[Machine]) -> Result<(), Failu
             let _ = writeln!(text, "{address}:4433");
         }
     }
-    // Whole or not at all: games read it each second.
+    // Atomically, since games reread the file each second.
     WholeFile::replace(path, |file| file.write_all(text.as_bytes()))
         .with_context(|| format!("{}", path.display()))?;
     Ok(())

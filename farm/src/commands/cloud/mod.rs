@@ -1,8 +1,9 @@
-//! `carom-farm cloud`: machines of EC2 as nodes, created and deleted by the AWS command line.
+//! `carom-farm cloud`: EC2 machines as nodes, created and deleted by the AWS command line.
 //!
 //! ```text
-//! up ── price, yes? ──▶ CloudFormation (farm/deploy/aws/farm.yaml) ──▶ machines that join by token ──▶ nodes.txt
-//! down ──▶ the bucket emptied, the stack deleted, what is left looked for
+//! up ── price, confirmation ──▶ CloudFormation (farm/deploy/aws/farm.yaml)
+//!    ──▶ machines that join by token ──▶ nodes.txt
+//! down ──▶ bucket emptied, stack deleted, leftovers listed
 //! ```
 
 mod aws_cli;
@@ -73,7 +74,7 @@ pub(crate) fn run(args: &CloudArgs) -> Result<(), Failure> {
     }
 }
 
-/// Asks on the terminal; without one, only `--yes` is an answer.
+/// Asks for confirmation on the terminal; without one, only `--yes` confirms.
 fn confirm(question: &str, yes: bool) -> Result<(), Failure> {
     if yes {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Price of a farm on EC2, shown before anything is made.
+//! Price estimate of a farm on EC2, shown before anything is created.
 
 use std::collections::BTreeMap;
 
@@ -9,13 +9,13 @@ use super::programs::Architecture;
 use super::stack::{list, text};
 use crate::commands::Failure;
 
-/// A type of machine of the template.
+/// A machine type of the template.
 pub(super) struct MachineType {
     name: &'static str,
     architecture: Architecture,
     is_gpu: bool,
-    /// On demand, us-east-1, Linux, of January 2026: `farm/deploy/README.md` names the list. Other regions cost
-    /// up to 1.6 times as much.
+    /// On-demand price in us-east-1 for Linux, of January 2026: `farm/deploy/README.md` names the list. Other
+    /// regions cost up to 1.6 times as much.
     dollars_per_hour: f64,
 }
 
@@ -33,7 +33,7 @@ const fn machine(
     }
 }
 
-/// The types of `farm.yaml`.
+/// The machine types in `farm.yaml`.
 const TYPES: [MachineType; 9] = [
     machine("g6.xlarge", Architecture::X86, true, 0.805),
     machine("g5.xlarge", Architecture::X86, true, 1.006),
@@ -46,14 +46,14 @@ const TYPES: [MachineType; 9] = [
     machine("c7g.4xlarge", Architecture::Arm, false, 0.580),
 ];
 
-/// A public IPv4 address, and 20 GB of gp3.
+/// Price of a public IPv4 address and 20 GB of gp3.
 const ADDRESS_AND_DISK_DOLLARS_PER_HOUR: f64 = 0.005 + 20.0 * 0.08 / 730.0;
-/// To the internet, the first 10 TB of a month; 100 GB of each month are free.
+/// Price of traffic to the internet for the first 10 TB of a month; 100 GB of each month are free.
 const EGRESS_DOLLARS_PER_GB: f64 = 0.09;
-/// 1280x720 at 60 frames a second, moving: 50 Mbit/s.
+/// Traffic of 1280×720 at 60 frames a second with motion: 50 Mbit/s.
 const GB_PER_HOUR: f64 = 22.5;
 
-/// How many machines are wanted, and for how long.
+/// Number of machines, and the time for which they are wanted.
 pub(super) struct Plan<'a> {
     pub(super) gpu_nodes: u32,
     pub(super) cpu_nodes: u32,
@@ -62,7 +62,7 @@ pub(super) struct Plan<'a> {
     pub(super) hours: f64,
 }
 
-/// Dollars an hour of each type now: the cheapest and the dearest zone.
+/// Current prices of each type in dollars per hour: the lowest and the highest of all zones.
 type SpotPrices = BTreeMap<String, (f64, f64)>;
 
 impl Plan<'_> {
@@ -74,7 +74,7 @@ impl Plan<'_> {
             .filter(has_program)
     }
 
-    /// What spot machines cost now.
+    /// Queries the current prices of spot machines.
     pub(super) fn spot_prices(&self, aws: &AwsCli, now: &str) -> Result<SpotPrices, Failure> {
         let mut args = vec!["ec2", "describe-spot-price-history"];
         args.extend(["--product-descriptions", "Linux/UNIX", "--start-time", now]);
@@ -88,9 +88,10 @@ impl Plan<'_> {
         Ok(spot_prices(&aws.json(&args)?))
     }
 
-    /// The most that it costs an hour, whichever machines come.
+    /// The maximum price per hour, whichever types are started.
     fn dollars_per_hour_max(&self, spot: &SpotPrices) -> f64 {
         let dearest = |is_gpu: bool, nodes: u32| {
+            // With a share on demand, or without a spot price, the on-demand price is the bound.
             let price = |it: &MachineType| match (self.on_demand_percent, spot.get(it.name)) {
                 (0, Some((_, dearest))) => *dearest,
                 _ => it.dollars_per_hour,
@@ -101,7 +102,7 @@ impl Plan<'_> {
         dearest(true, self.gpu_nodes) + dearest(false, self.cpu_nodes)
     }
 
-    /// Lines for a person.
+    /// The estimate as text for a person.
     pub(super) fn price(&self, spot: &SpotPrices) -> String {
         let mut lines = Vec::new();
         for (kind, is_gpu, nodes) in [
@@ -179,7 +180,7 @@ mod tests {
             architectures: &[Architecture::X86],
             hours: 8.0,
         };
-        // Where a type has no spot price, what it costs on demand bounds it.
+        // A type without a spot price counts with its on-demand price.
         let extra = ADDRESS_AND_DISK_DOLLARS_PER_HOUR;
         assert!((plan.dollars_per_hour_max(&spot) - 2.0 * (1.006 + extra)).abs() < 1e-9);
         let text = plan.price(&spot);

@@ -1,4 +1,4 @@
-//! Programs of nodes, for the architectures of their machines, and the bucket that machines fetch them from.
+//! Programs for nodes by architecture, and the bucket from which machines download them.
 
 use std::fs::File;
 use std::io::Read as _;
@@ -7,21 +7,21 @@ use std::path::{Path, PathBuf};
 use super::stack::Stack;
 use crate::commands::Failure;
 
-/// What a machine's processor runs.
+/// Instruction set architecture of a machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Architecture {
     X86,
     Arm,
 }
 
-/// A program `carom-farm` for Linux.
+/// A `carom-farm` program for Linux.
 pub(super) struct NodeProgram {
     path: PathBuf,
     pub(super) architecture: Architecture,
 }
 
 impl NodeProgram {
-    /// Programs of `paths`, or this one.
+    /// Opens the programs at `paths`, or this one if there are none.
     ///
     /// # Errors
     /// If one is not a program for Linux, or two are for one architecture.
@@ -51,7 +51,7 @@ impl NodeProgram {
         Ok(programs)
     }
 
-    /// The parameter `Architectures` of the template.
+    /// The value of the template's parameter `Architectures`.
     pub(super) fn parameter(programs: &[Self]) -> &'static str {
         match programs {
             [
@@ -70,7 +70,7 @@ impl NodeProgram {
         }
     }
 
-    /// Puts programs, their unit and what sets a machine up in the stack's bucket.
+    /// Uploads the programs, their systemd unit and the setup script to the stack's bucket.
     pub(super) fn upload(programs: &[Self], stack: &Stack) -> Result<(), Failure> {
         let bucket = stack.output("Bucket")?.unwrap_or_default();
         for Self { path, architecture } in programs {
@@ -94,12 +94,12 @@ impl NodeProgram {
     }
 }
 
-/// The unit that machines run.
+/// The systemd unit of nodes.
 const UNIT: &str = include_str!("../../../deploy/systemd/carom-farm.service");
-/// What makes a machine a node.
+/// The script that sets a machine up as a node.
 const SETUP: &str = include_str!("../../../deploy/aws/node-setup.sh");
 
-/// By the head of an ELF file (System V ABI): `e_machine` is 62 or 183.
+/// The architecture in an ELF header (System V ABI): `e_machine` is 62 for x86-64 and 183 for AArch64.
 fn architecture(path: &Path) -> Result<Architecture, String> {
     let mut head = [0; 20];
     File::open(path)

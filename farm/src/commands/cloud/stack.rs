@@ -1,4 +1,4 @@
-//! Stack of CloudFormation that holds everything of a farm, and its machines.
+//! CloudFormation stack with all resources of a farm, and its machines.
 
 use anyhow::anyhow;
 use serde_json::{Value, json};
@@ -6,12 +6,12 @@ use serde_json::{Value, json};
 use super::aws_cli::AwsCli;
 use crate::commands::Failure;
 
-/// The template, without which nothing is made.
+/// The template that describes all resources.
 pub(super) const TEMPLATE: &str = include_str!("../../../deploy/aws/farm.yaml");
-/// The tag that all of a farm's resources have.
+/// The tag that all resources of a farm have.
 const TAG: &str = "carom:farm";
 
-/// A farm's name: that of a stack.
+/// Parses a farm's name, which is that of its stack.
 pub(super) fn name(text: &str) -> Result<String, &'static str> {
     let begins = text.starts_with(|c: char| c.is_ascii_alphabetic());
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '-';
@@ -21,25 +21,25 @@ pub(super) fn name(text: &str) -> Result<String, &'static str> {
     }
 }
 
-/// A farm's stack, whether it exists or not.
+/// Stack of a farm, which may or may not exist.
 pub(super) struct Stack {
     pub(super) aws: AwsCli,
     pub(super) name: String,
 }
 
-/// A machine that has not ended.
+/// A machine that is not terminated.
 pub(super) struct Machine {
     pub(super) id: String,
     pub(super) kind: String,
     pub(super) state: String,
     pub(super) is_spot: bool,
-    /// Its Auto Scaling group.
+    /// Name of its Auto Scaling group.
     group: String,
     pub(super) address: Option<String>,
 }
 
 impl Machine {
-    /// Whether it is one of the template's group of that name.
+    /// Whether it belongs to the template's group of that name.
     pub(super) fn is_of(&self, group: &str) -> bool {
         self.group.contains(group)
     }
@@ -55,13 +55,13 @@ impl Stack {
         Self { aws, name }
     }
 
-    /// Its status, as `CREATE_COMPLETE`; absent if there is no such stack.
+    /// The stack's status, such as `CREATE_COMPLETE`; `None` if it does not exist.
     pub(super) fn status(&self) -> Result<Option<String>, Failure> {
         let stack = self.describe()?;
         Ok(stack.map(|stack| text(&stack["StackStatus"])))
     }
 
-    /// The value of an output.
+    /// The value of an output of the stack.
     pub(super) fn output(&self, key: &str) -> Result<Option<String>, Failure> {
         let stack = self.describe()?.unwrap_or_default();
         let output = list(&stack["Outputs"]).find(|output| output["OutputKey"] == key);
@@ -77,7 +77,7 @@ impl Stack {
         }
     }
 
-    /// Creates the stack, or changes the one that exists, and waits until it is so.
+    /// Creates or updates the stack, and waits until that is complete.
     pub(super) fn apply(&self, parameters: &[(&str, String)]) -> Result<(), Failure> {
         let pair =
             |(key, value): &(&str, String)| json!({"ParameterKey": key, "ParameterValue": value});
@@ -90,6 +90,7 @@ impl Stack {
         });
         let (verb, waited) = match self.status()?.as_deref() {
             None => ("create-stack", "stack-create-complete"),
+            // A stack whose creation was rolled back cannot be updated, only deleted.
             Some(status) if status.ends_with("_COMPLETE") && !status.starts_with("ROLLBACK") => {
                 ("update-stack", "stack-update-complete")
             }
@@ -104,7 +105,7 @@ impl Stack {
         self.wait(waited)
     }
 
-    /// Deletes the stack and waits until it is gone.
+    /// Deletes the stack and waits until that is complete.
     pub(super) fn delete(&self) -> Result<(), Failure> {
         let name = ["--stack-name", &self.name];
         self.aws
@@ -122,7 +123,7 @@ impl Stack {
         })
     }
 
-    /// Why resources could not be made or deleted.
+    /// The reasons why resources could not be created or deleted.
     fn faults(&self) -> Result<Vec<String>, Failure> {
         let args = ["cloudformation", "describe-stack-events", "--stack-name"];
         let events = self.aws.json(&[&args[..], &[&self.name]].concat())?;
@@ -135,7 +136,8 @@ impl Stack {
         Ok(failed.map(sentence).collect())
     }
 
-    /// The machines that have not ended, by their tag: also such as no stack knows of.
+    /// The machines that are not terminated, found by their tag, so including any that the stack does not
+    /// know.
     pub(super) fn machines(&self) -> Result<Vec<Machine>, Failure> {
         let filter = format!("Name=tag:{TAG},Values={}", self.name);
         let states =
@@ -154,7 +156,7 @@ impl Stack {
         Ok(instances.map(machine).collect())
     }
 
-    /// Other things that cost or stay and have the farm's tag: volumes and security groups.
+    /// Other tagged resources that remain: volumes, security groups and launch templates.
     pub(super) fn leftovers(&self) -> Result<Vec<String>, Failure> {
         let filter = format!("Name=tag:{TAG},Values={}", self.name);
         let kinds = [
@@ -175,12 +177,12 @@ impl Stack {
     }
 }
 
-/// The elements of a list; of anything else none.
+/// The elements of a JSON array; none for any other value.
 pub(super) fn list(value: &Value) -> impl Iterator<Item = &Value> {
     value.as_array().into_iter().flatten()
 }
 
-/// A text; of anything else none.
+/// A JSON string; empty for any other value.
 pub(super) fn text(value: &Value) -> String {
     value.as_str().unwrap_or_default().to_owned()
 }

@@ -1,4 +1,4 @@
-//! `carom-farm cloud up`: a farm on EC2, from its price to nodes that have joined.
+//! `carom-farm cloud up`: creates a farm on EC2, from the price estimate to nodes that have joined.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
@@ -154,7 +154,7 @@ fn show_price(args: &UpArgs, programs: &[NodeProgram], stack: &Stack) -> Result<
     Ok(())
 }
 
-/// How many machines will come to those that are there.
+/// The number of machines that will be added to the existing ones.
 fn new_nodes(args: &UpArgs, machines: &[Machine]) -> u32 {
     let missing = |group, wanted: u32| {
         let there = machines.iter().filter(|machine| machine.is_of(group));
@@ -163,7 +163,7 @@ fn new_nodes(args: &UpArgs, machines: &[Machine]) -> u32 {
     missing("GpuGroup", args.gpu) + missing("CpuGroup", args.cpu)
 }
 
-/// This machine's address on the internet.
+/// This machine's public address.
 fn own_address() -> Result<Ipv4Addr, Failure> {
     let told = http_get("http://checkip.amazonaws.com/", Duration::from_secs(5));
     let address = told.ok().and_then(|text| text.trim().parse().ok());
@@ -174,7 +174,7 @@ fn own_address() -> Result<Ipv4Addr, Failure> {
     })
 }
 
-/// The template's parameters.
+/// The values of the template's parameters.
 fn parameters(
     args: &UpArgs,
     programs: &[NodeProgram],
@@ -210,10 +210,10 @@ fn parameters(
     ])
 }
 
-/// The authority that admits the nodes: here, or elsewhere.
+/// Enrolment of the nodes, by a service here or by another authority.
 struct Enrolment {
     url: JoinUrl,
-    /// Ends by itself: with the last use or the time, or by Ctrl-C.
+    /// Thread of the service, which ends with the last use, after its time, or by Ctrl-C.
     service: Option<thread::JoinHandle<()>>,
     joined: Arc<AtomicU32>,
 }
@@ -262,7 +262,8 @@ impl Enrolment {
         self.service.as_ref().is_some_and(|it| !it.is_finished())
     }
 
-    /// How many of the nodes have not joined when it ends, or when all have; at another authority none.
+    /// Waits until all nodes have joined or the service has ended; returns how many have not joined, 0 if
+    /// another authority admits them.
     fn wait(&self, nodes: u32) -> u32 {
         let absent = || nodes.saturating_sub(self.joined.load(Ordering::Relaxed));
         while absent() > 0 && self.is_open() {
@@ -272,9 +273,9 @@ impl Enrolment {
     }
 }
 
-/// How often those that wait look.
+/// Period of checking for nodes that have joined.
 const WAIT_PERIOD: Duration = Duration::from_millis(100);
-/// How often the machines are looked at while the command stays.
+/// Period of listing the machines while the command stays.
 const STAY_PERIOD: Duration = Duration::from_secs(10);
-/// Machines that may join while it stays.
+/// Number of machines that may join while it stays.
 const USES_MAX: u32 = 10_000;

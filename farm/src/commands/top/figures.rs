@@ -1,4 +1,4 @@
-//! Figures of a farm's nodes: what each counts, as rates between two scrapes.
+//! Rates of a farm's nodes, from the differences of their counters between two scrapes.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -9,7 +9,7 @@ use carom_tracer::text::printable;
 use super::FigureSources;
 use crate::commands::Failure;
 
-/// A node as a row of the table.
+/// Rates of a node: a row of the table.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct NodeRates {
     pub(super) address: String,
@@ -17,35 +17,35 @@ pub(super) struct NodeRates {
     pub(super) device: String,
     pub(super) state: NodeHealth,
     pub(super) players: f64,
-    /// Share of the time that its device was busy, 0 to 1.
+    /// Share of the time in which its device was busy, 0 to 1.
     pub(super) busy: f64,
-    /// Of all samples of the farm, 0 to 1.
+    /// Share of all samples of the farm, 0 to 1.
     pub(super) share: f64,
     pub(super) msamples_per_sec: f64,
     pub(super) tiles_per_sec: f64,
-    /// From a request's arrival to its last tile, on average; absent without a request.
+    /// Mean time from a request's arrival to its last tile; absent without a request.
     pub(super) response_ms: Option<f64>,
     pub(super) mbits_per_sec: f64,
 }
 
-/// What a node says of itself.
+/// State of a node.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) enum NodeHealth {
     #[default]
     Ready,
     Draining,
-    /// It does not answer: why.
+    /// It does not answer, for this reason.
     Silent(String),
 }
 
-/// The nodes' figures at the last look, and at the one before.
+/// Figures of all nodes at the last scrape and the one before.
 pub(super) struct FarmFigures {
     sources: FigureSources,
     scrapes: BTreeMap<String, Scrape>,
     rows: Vec<NodeRates>,
 }
 
-/// The metrics of a node by their names, and when they were asked for.
+/// Metrics of a node by name, and the time of their arrival.
 #[derive(Clone, Debug)]
 struct Scrape {
     at: Instant,
@@ -53,7 +53,7 @@ struct Scrape {
 }
 
 impl NodeRates {
-    /// Why it does not answer, if it does not.
+    /// The reason why it does not answer; `None` if it does.
     pub(super) fn silence(&self) -> Option<&str> {
         match &self.state {
             NodeHealth::Silent(why) => Some(why),
@@ -71,7 +71,7 @@ impl FarmFigures {
         }
     }
 
-    /// Asks all nodes.
+    /// Scrapes all nodes.
     pub(super) fn look(&mut self) -> Result<(), Failure> {
         let (mut asked, mut rows) = (Vec::new(), Vec::new());
         for address in self.sources.addresses() {
@@ -103,14 +103,15 @@ impl FarmFigures {
         self.rows.clone()
     }
 
-    /// The row of a node that has answered; rates are zero at the first look.
+    /// The row of a node that has answered; rates are 0 at the first scrape.
     fn row(&mut self, address: &str, text: &str, at: Instant) -> NodeRates {
         let metrics = metrics(text);
         let now = Scrape { at, metrics };
         let before = self.scrapes.insert(address.to_owned(), now.clone());
+        // At the first scrape all differences are 0.
         let before = before.unwrap_or_else(|| now.clone());
         let secs = (now.at - before.at).as_secs_f64().max(1e-3);
-        // A node that was started anew counts from zero.
+        // The counters of a restarted node begin at 0 again, and their difference may be negative.
         let grown = |name: &str| (now.value(name) - before.value(name)).max(0.0);
         let requests = grown("requests_total");
         let mean_ms = 1e3 * grown("response_seconds_total") / requests;
@@ -141,7 +142,7 @@ impl Scrape {
     }
 }
 
-/// Why there is no answer, without the address.
+/// The reason of an error, without the address.
 fn reason(why: &carom_farm::Error) -> String {
     match why {
         carom_farm::Error::Directory { reason, .. } => reason.clone(),
@@ -164,7 +165,7 @@ fn set_shares(rows: &mut [NodeRates]) {
     }
 }
 
-/// The metrics without labels of a text in Prometheus' format, by what follows `carom_node_`.
+/// The metrics without labels in a text in Prometheus' exposition format, by their names after `carom_node_`.
 fn metrics(text: &str) -> BTreeMap<String, f64> {
     let metric = |line: &str| {
         let (name, value) = line.strip_prefix("carom_node_")?.split_once(' ')?;
@@ -177,7 +178,7 @@ fn metrics(text: &str) -> BTreeMap<String, f64> {
     text.lines().filter_map(metric).collect()
 }
 
-/// A label of `carom_node_info`, printable.
+/// A label of `carom_node_info`, made printable.
 fn label(text: &str, name: &str) -> String {
     let info = text
         .lines()
@@ -192,7 +193,7 @@ fn label(text: &str, name: &str) -> String {
     printable(&value, NAME_BYTES_MAX)
 }
 
-/// A node answers within milliseconds.
+/// Maximum wait for nodes, which answer within milliseconds.
 const PATIENCE: Duration = Duration::from_secs(1);
 const NAME_BYTES_MAX: usize = 64;
 const REASON_BYTES_MAX: usize = 200;
@@ -238,7 +239,7 @@ mod tests {
             (2.0, 0.5, 2.0, 2.0)
         );
         assert!((row.response_ms.unwrap() - 25.0).abs() < 1e-6);
-        // Started anew.
+        // The node has restarted, with its counters at 0.
         let row = farm.row("oak:1", TEXT, begun + Duration::from_secs(3));
         assert_eq!(row.msamples_per_sec, 0.0);
     }

@@ -1,11 +1,11 @@
-//! `carom-farm top`: the nodes of a farm in a terminal, by the figures that they give whoever runs them.
+//! `carom-farm top`: a terminal table of a farm's nodes, from the metrics that they expose to their operator.
 //!
 //! ```text
 //! directories ──hosts──▶ http://HOST:8433/metrics of each ──▶ rates since the last look ──▶ table
 //! ```
 //!
-//! A node's figures are of all its players together, need no player's key and take no player's place;
-//! what one player sees of the nodes is `carom-farm status --watch`.
+//! The metrics of a node cover all its players together, require no player's key and occupy no player's
+//! place; `carom-farm status --watch` shows the nodes from one player's view.
 
 mod figures;
 mod view;
@@ -106,7 +106,7 @@ fn show(
     }
 }
 
-/// Who is asked for figures: addresses, and directories whose hosts are asked at a port.
+/// Sources of figures: addresses, and directories whose hosts are queried at a common port.
 struct FigureSources {
     addresses: Vec<NodeAddress>,
     directories: Vec<Box<dyn Directory>>,
@@ -130,7 +130,7 @@ impl TopArgs {
 }
 
 impl FigureSources {
-    /// The addresses to ask now; of a directory that does not answer, why.
+    /// The addresses to query now; an error for each directory that does not answer.
     fn addresses(&mut self) -> Vec<Result<NodeAddress, carom_farm::Error>> {
         let mut addresses: Vec<_> = self.addresses.iter().cloned().map(Ok).collect();
         for directory in &mut self.directories {

@@ -22,13 +22,13 @@ const COLUMNS: [(&str, Constraint); 10] = [
     ("Mbit/s", Constraint::Length(7)),
 ];
 
-/// Draws the rows from `first_row` on, and below them the sums.
+/// Draws the rows from `first_row` on, with the sums below.
 pub(super) fn draw(frame: &mut Frame<'_>, rows: &[NodeRates], first_row: usize) {
     let sums = sums(rows) + "  (q ends)";
     render(frame.area(), frame.buffer_mut(), rows, first_row, sums);
 }
 
-/// The table as text, and below it why nodes do not answer.
+/// The table as text, with the reasons of nodes that do not answer below.
 pub(super) fn text(rows: &[NodeRates]) -> String {
     let height = (rows.len() + 2).min(usize::from(u16::MAX / TEXT_WIDTH)) as u16;
     let area = Rect::new(0, 0, TEXT_WIDTH, height);
@@ -46,7 +46,7 @@ pub(super) fn text(rows: &[NodeRates]) -> String {
     (0..area.height).map(line).chain(silent).collect()
 }
 
-/// Columns of the text: `--once` is for files and mails.
+/// Width of the text in columns, for files and mails written with `--once`.
 const TEXT_WIDTH: u16 = 120;
 
 fn render(area: Rect, buffer: &mut Buffer, rows: &[NodeRates], first_row: usize, sums: String) {

@@ -1,4 +1,4 @@
-//! The adapter of [`DelayBasedController`] to quinn's `Controller`.
+//! Adapter of [`DelayBasedController`] to quinn's `Controller`.
 
 use std::any::Any;
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use quinn::congestion::{Controller, ControllerFactory};
 
 use super::delay_based::{self, DelayBasedController};
 
-/// The factory of controllers for quinn's connections.
+/// Factory of controllers for quinn's connections.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ControllerConfig;
 
@@ -22,8 +22,8 @@ impl ControllerFactory for ControllerConfig {
     }
 }
 
-/// Bytes that may be in flight on a connection and that its path has been seen to carry; with a
-/// controller of quinn's, its whole window.
+/// Bytes in flight that the path of a connection has been seen to carry; with one of quinn's controllers,
+/// its whole window.
 pub(crate) fn validated_bytes(connection: &Connection) -> u64 {
     match connection
         .congestion_state()

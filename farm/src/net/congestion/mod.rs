@@ -1,5 +1,5 @@
-//! Congestion control of the connections that carry tiles: a delay-based window in the manner of
-//! FAST TCP, and its adapter to quinn.
+//! Congestion control of the connections that carry tiles: a delay-based window similar to FAST TCP, and
+//! its adapter to quinn.
 
 mod controller;
 mod delay_based;

@@ -1,16 +1,14 @@
-//! Round-trip times as congestion control needs them: the samples of one round, and the base RTT of
-//! the path.
+//! Round-trip times for congestion control: the samples of one round, and the base RTT of the path.
 
 use std::time::Duration;
 
-/// The round-trip times of a round's acknowledgements, of which at most [`SAMPLES_MAX`] are kept,
-/// evenly spread.
+/// RTTs of the acknowledgements of a round, of which at most [`SAMPLES_MAX`], evenly spread, are kept.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RttSamples {
     kept: Vec<Duration>,
-    /// One of this many is kept …
+    /// One sample of this many is kept.
     stride: usize,
-    /// … after this many more.
+    /// Samples to skip before the next is kept.
     skips: usize,
 }
 
@@ -21,8 +19,8 @@ impl RttSamples {
             return;
         }
         if self.kept.len() == SAMPLES_MAX {
-            // Every second sample is dropped and half as many are taken from now on, so that those kept
-            // stay spread evenly over the round, however long it becomes.
+            // Every second sample is dropped, and from here on half as many are kept, so that the samples
+            // stay evenly spread over the round, however long it becomes.
             self.kept = self.kept.iter().copied().step_by(2).collect();
             self.stride = 2 * self.stride.max(1);
         }
@@ -30,7 +28,7 @@ impl RttSamples {
         self.skips = self.stride.saturating_sub(1);
     }
 
-    /// The RTT that this share of the samples are shorter than.
+    /// The quantile of the samples, rounded down to one of them; `share` is from 0 to 1.
     pub(super) fn quantile(&mut self, share: f64) -> Option<Duration> {
         let index = (self.kept.len().checked_sub(1)? as f64 * share) as usize;
         Some(*self.kept.select_nth_unstable(index).1)
@@ -45,7 +43,7 @@ impl RttSamples {
     }
 }
 
-/// The RTT without queueing: the minimum over the last one to two [`WINDOW`]s.
+/// RTT without queueing: the minimum over the last one to two [`WINDOW`]s.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct BaseRtt {
     current: Option<Duration>,
@@ -54,7 +52,7 @@ pub(super) struct BaseRtt {
 }
 
 impl BaseRtt {
-    /// The minimum, this sample included.
+    /// Inserts a sample and returns the minimum including it.
     pub(super) fn insert(&mut self, now: Duration, rtt: Duration) -> Duration {
         if self.current.is_none() {
             self.since = now;
@@ -74,12 +72,12 @@ impl BaseRtt {
     }
 
     pub(super) fn renew(&mut self, now: Duration) {
-        // Two windows in turn: the minimum never rises by surprise in the midst of one.
+        // The window before stays in the minimum, which thus never jumps up at once.
         (self.previous, self.current, self.since) = (self.current, None, now);
     }
 }
 
-/// Quartiles of more samples are no better.
+/// More samples do not improve the quartiles.
 const SAMPLES_MAX: usize = 64;
-/// As long as BBR keeps its minimum RTT: routes change.
+/// Half of the maximum age of a sample, since routes change: as long as BBR keeps its minimum RTT.
 const WINDOW: Duration = Duration::from_secs(10);

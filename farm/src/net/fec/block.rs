@@ -1,16 +1,16 @@
-//! One received block: its symbols, and the packets that they restore.
+//! Block being received: its symbols, and the packets restored from them.
 
 use std::time::Duration;
 
 use super::datagram::SOURCE_SYMBOLS_MAX;
 use super::{PACKET_START, SYMBOL_BYTES_MAX, WORD_BYTES};
 
-/// A block that is being received, or was until a moment ago.
+/// A block whose symbols are arriving or may still arrive.
 #[derive(Debug)]
 pub(super) struct ReceivedBlock {
     source_symbols: Vec<Option<Vec<u8>>>,
     repair_symbols: Vec<Option<Vec<u8>>>,
-    /// Source symbols of the block, known from its first repair symbol.
+    /// Number of source symbols of the block, known from its first repair symbol.
     source_count: Option<usize>,
     /// Bit i: the packet that starts at symbol i has been delivered.
     pub(super) delivered: u64,
@@ -19,7 +19,7 @@ pub(super) struct ReceivedBlock {
     pub(super) last_arrival: Duration,
     pub(super) last_nack: Option<Duration>,
     pub(super) nacks: u32,
-    /// Whether a retransmission has come: the others are on reliable streams as well.
+    /// Whether a retransmission has arrived: the other missing packets then also come on reliable streams.
     pub(super) answered: bool,
 }
 
@@ -79,7 +79,8 @@ impl ReceivedBlock {
         bits.fold(0, |received, bit| received | bit)
     }
 
-    /// The time of the next NACK; `None` if the block is complete or has been NACKed often enough.
+    /// The time of the next NACK; `None` if the block is complete, or has been answered or NACKed often
+    /// enough.
     pub(super) fn nack_timeout(
         &self,
         is_newest: bool,
@@ -99,13 +100,13 @@ impl ReceivedBlock {
         })
     }
 
-    /// Restores lost source symbols if enough symbols have come; the packets that are complete now.
+    /// Restores lost source symbols if enough symbols have arrived; returns the packets completed by it.
     pub(super) fn decode(&mut self) -> Result<Vec<Vec<u8>>, &'static str> {
         let Some(source_count) = self.source_count.filter(|_| !self.decoded) else {
             return Ok(Vec::new());
         };
         let received = self.source_symbols.iter().flatten().count();
-        // Reed–Solomon is MDS: any `source_count` symbols restore the block, fewer restore nothing.
+        // Reed–Solomon is MDS: any `source_count` symbols restore the block, fewer restore none of it.
         if received + self.repair_symbols.iter().flatten().count() < source_count {
             return Ok(Vec::new());
         }
@@ -125,12 +126,12 @@ impl ReceivedBlock {
         let repair: Vec<(usize, &Vec<u8>)> = repair
             .filter_map(|(index, symbol)| Some((index, symbol.as_ref()?)))
             .collect();
-        // The last symbol of a packet travels without its padding.
+        // The last symbol of a packet is sent without its padding.
         let symbol_bytes = repair.first().map_or(0, |(_, symbol)| symbol.len());
         let padded = |(index, symbol): (usize, &Option<Vec<u8>>)| {
             let mut symbol = symbol.clone()?;
-            // Never shortened: a source symbol that is longer than the repair symbols makes the decoder
-            // refuse the block.
+            // Never truncated: a source symbol longer than the repair symbols must make the decoder refuse
+            // the block.
             symbol.resize(symbol_bytes.max(symbol.len()), 0);
             Some((index, symbol))
         };
@@ -145,11 +146,10 @@ impl ReceivedBlock {
         Ok(())
     }
 
-    /// The packet that symbol `index` belongs to, if it is complete and has not been delivered.
+    /// The packet that contains symbol `index`, if it is complete and has not been delivered.
     pub(super) fn packet_around(&mut self, index: usize) -> Result<Option<Vec<u8>>, &'static str> {
-        // A symbol that has not come ends the search as well: the packet may start there.
-        // Backwards from the symbol that has come: the first that has the mark of a beginning, or has not
-        // come.
+        // Backwards from the symbol that arrived: the first that starts a packet, or is missing, since the
+        // packet may start there.
         let may_start = |index: &usize| {
             self.word(*index)
                 .is_none_or(|word| word & PACKET_START != 0)
@@ -160,13 +160,13 @@ impl ReceivedBlock {
         self.packet_at(first)
     }
 
-    /// The packet that starts in symbol `first`; `None` if none does, it is incomplete, or it has
-    /// been delivered.
+    /// The packet that starts in symbol `first`; `None` if none does, or it is incomplete or already
+    /// delivered.
     fn packet_at(&mut self, first: usize) -> Result<Option<Vec<u8>>, &'static str> {
         let Some(word) = self.word(first).filter(|word| word & PACKET_START != 0) else {
             return Ok(None);
         };
-        // A packet completes once as it arrives and may complete again as the block is decoded.
+        // A packet may complete by arrival and again by the decoding of its block.
         if self.delivered & (1 << first) != 0 {
             return Ok(None);
         }
@@ -174,7 +174,7 @@ impl ReceivedBlock {
         if length > SOURCE_SYMBOLS_MAX * SYMBOL_BYTES_MAX {
             return Err("a packet is longer than a block");
         }
-        // At most 96 kB, checked above: the length comes from the network.
+        // At most 96 kB by the check above: the length comes from the network.
         let mut packet = Vec::with_capacity(length);
         for index in first.. {
             let left = length - packet.len();
@@ -184,7 +184,7 @@ impl ReceivedBlock {
             let Some(Some(symbol)) = self.source_symbols.get(index) else {
                 return Ok(None);
             };
-            // Each symbol repeats what is left, so that a forged block cannot mix packets.
+            // Each symbol states the remaining length, so that a forged block cannot mix packets.
             if index > first && self.word(index) != Some(left as u32) {
                 return Err("the symbols of a packet do not follow each other");
             }
@@ -198,19 +198,21 @@ impl ReceivedBlock {
         Ok(Some(packet))
     }
 
+    /// The word before symbol `index`: the remaining bytes of its packet, and [`PACKET_START`].
     fn word(&self, index: usize) -> Option<u32> {
         let word = self.source_symbols.get(index)?.as_ref()?.first_chunk()?;
         Some(u32::from_le_bytes(*word))
     }
 }
 
-/// Symbols of an older block that others overtook may still come, and as late as others have.
+/// Delay of an older block's first NACK: symbols that were overtaken may still arrive.
 const OLDER_DELAY: Duration = Duration::from_millis(4);
-/// The repair symbols of the newest block may still come: it stays open for 3 ms, and jitter.
+/// Delay of the newest block's first NACK: it stays open for 3 ms, plus jitter, before its repair symbols
+/// leave.
 const NEWEST_DELAY: Duration = Duration::from_millis(8);
-/// Added to the round-trip time that a retransmission takes.
+/// Slack added to the round-trip time of a retransmission.
 const RETRANSMISSION_SLACK: Duration = Duration::from_millis(10);
-/// A NACK may be lost itself, or come before a busy sender has closed the block. From the third on
-/// the interval doubles: no deadline is met any more, but a frame without one must complete some
-/// time.
+/// Maximum number of NACKs of a block. A NACK may be lost, or reach a busy sender before it has closed the
+/// block. From the third on the interval doubles: every deadline has passed by then, but a frame without one
+/// must complete eventually.
 const NACKS_MAX: u32 = 10;

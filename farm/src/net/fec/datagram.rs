@@ -1,4 +1,4 @@
-//! The wire format of QUIC datagrams: a kind, little-endian numbers, a payload.
+//! Wire format of QUIC datagrams: a kind, little-endian numbers, a payload.
 
 /// A datagram of either direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -6,18 +6,18 @@ pub(crate) enum Datagram<'a> {
     /// To a player: a source symbol of a block.
     Source {
         block: u64,
-        /// Its place, below [`SOURCE_SYMBOLS_MAX`].
+        /// Its index in the block, below [`SOURCE_SYMBOLS_MAX`].
         index: u8,
         bytes: &'a [u8],
     },
     /// To a player: a repair symbol of a block.
     Repair {
         block: u64,
-        /// Source symbols of the block, 1 to [`SOURCE_SYMBOLS_MAX`].
+        /// Number of source symbols of the block, 1 to [`SOURCE_SYMBOLS_MAX`].
         source_count: u8,
-        /// Repair symbols of the block, 1 to [`REPAIR_SYMBOLS_MAX`].
+        /// Number of repair symbols of the block, 1 to [`REPAIR_SYMBOLS_MAX`].
         repair_count: u8,
-        /// Its place among them.
+        /// Its index among them.
         index: u8,
         bytes: &'a [u8],
     },
@@ -27,12 +27,12 @@ pub(crate) enum Datagram<'a> {
         /// Bit i: source symbol i has been received.
         received: u64,
     },
-    /// To a node: a copy of a request that the control stream carries as well.
+    /// To a node: a copy of a request that also travels on the control stream.
     RequestCopy(&'a [u8]),
 }
 
 impl<'a> Datagram<'a> {
-    /// The datagram as bytes.
+    /// Encodes the datagram.
     pub(crate) fn to_bytes(self) -> Vec<u8> {
         match self {
             Self::Source {
@@ -104,11 +104,11 @@ fn split_u64(bytes: &[u8]) -> Option<(u64, &[u8])> {
     Some((u64::from_le_bytes(*number), rest))
 }
 
-/// Source symbols of a block: a frame of 65 kB, and the bits of a NACK's word.
+/// Maximum source symbols of a block: a frame of 65 kB, and the bits of a NACK's word.
 pub(crate) const SOURCE_SYMBOLS_MAX: usize = 64;
-/// Repair symbols of a block.
+/// Maximum repair symbols of a block.
 pub(crate) const REPAIR_SYMBOLS_MAX: usize = 32;
-/// Bytes before a repair symbol, the longest header.
+/// Bytes before a repair symbol, whose header is the longest.
 pub(crate) const HEADER_BYTES_MAX: usize = 12;
 
 const SOURCE: u8 = 0;

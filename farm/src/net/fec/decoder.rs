@@ -1,5 +1,5 @@
-//! The receiver of forward error correction: datagrams to packets, whether they come late, twice,
-//! in another order or not at all.
+//! Receiver of forward error correction: turns datagrams into packets, whether they are late, duplicated,
+//! reordered or lost.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -8,20 +8,20 @@ use super::Retransmission;
 use super::block::ReceivedBlock;
 use super::datagram::Datagram;
 
-/// The decoder of one connection's tile packets.
+/// FEC decoder of one connection's tile packets.
 #[derive(Debug, Default)]
 pub(crate) struct FecDecoder {
     /// The last [`BLOCKS_KEPT`] blocks.
     blocks: BTreeMap<u64, ReceivedBlock>,
-    /// The first block of which nothing has come.
+    /// The number after the highest block known.
     next: u64,
-    /// How long after the creation of a block symbols of the one before still came: the recent
-    /// maximum.
+    /// Reordering between blocks: how long after the creation of a block symbols of the one before still
+    /// arrived, as a decaying maximum.
     reordering: Duration,
 }
 
 impl FecDecoder {
-    /// Handles a datagram for players; the packets that are complete now.
+    /// Handles a datagram to a player; returns the packets completed by it.
     ///
     /// # Errors
     /// The rule that the sender broke.
@@ -40,7 +40,7 @@ impl FecDecoder {
                     return Ok(Vec::new());
                 };
                 block.insert_source(usize::from(index), bytes)?;
-                // A packet whose symbols have all come does not wait for its block: without loss error
+                // A packet whose symbols have all arrived does not wait for its block: without loss, error
                 // correction adds no delay.
                 let packet = block.packet_around(usize::from(index))?;
                 let mut packets: Vec<_> = packet.into_iter().collect();
@@ -65,26 +65,26 @@ impl FecDecoder {
         }
     }
 
-    /// Handles a packet that was sent once more; returns it if it is still missing.
+    /// Handles a retransmitted packet; returns it if it is still missing.
     pub(crate) fn on_retransmission(&mut self, retransmission: Retransmission) -> Option<Vec<u8>> {
         let block = self.blocks.get_mut(&retransmission.block)?;
-        // An index beyond the block is a peer's mistake that costs nothing: ignored.
+        // An index beyond the block is a mistake of the peer without consequences: ignored.
         let bit = 1u64.checked_shl(u32::from(retransmission.index))?;
         let is_missing = block.delivered & bit == 0;
         block.delivered |= bit;
-        // The sender answers a NACK with all that is missing, so that another one would only repeat it.
+        // The sender answers a NACK with all missing packets, so that another NACK would only repeat it.
         block.answered = true;
         is_missing.then_some(retransmission.packet)
     }
 
-    /// Handles the sender's word that it has sent all blocks up to this one.
+    /// Handles the sender's announcement that it has sent all blocks up to this one.
     pub(crate) fn on_announcement(&mut self, now: Duration, number: u64) {
         if number >= self.next {
             self.block(now, number);
         }
     }
 
-    /// The next NACK that is due, if there is one.
+    /// The next NACK that is due, if any.
     pub(crate) fn poll_nack(&mut self, now: Duration, rtt: Duration) -> Option<Datagram<'static>> {
         let (newest, reordering) = (self.next.saturating_sub(1), self.reordering);
         let nack = |(number, block): (&u64, &mut ReceivedBlock)| {
@@ -100,7 +100,7 @@ impl FecDecoder {
         self.blocks.iter_mut().find_map(nack)
     }
 
-    /// The time at which [`FecDecoder::poll_nack`] must be called.
+    /// The time of the next call of [`FecDecoder::poll_nack`]; `None` while no block needs one.
     pub(crate) fn nack_timeout(&self, rtt: Duration) -> Option<Duration> {
         let newest = self.next.saturating_sub(1);
         let timeout = |(number, block): (&u64, &ReceivedBlock)| {
@@ -109,16 +109,15 @@ impl FecDecoder {
         self.blocks.iter().filter_map(timeout).min()
     }
 
-    /// A block that is not too old, created with those before it of which nothing has come.
+    /// The block of that number unless it is too old, created together with missing ones before it.
     fn block(&mut self, now: Duration, number: u64) -> Option<&mut ReceivedBlock> {
         let oldest = self.next.saturating_sub(BLOCKS_KEPT);
-        // Numbers come from the network: each needs a successor, and old ones must not create blocks
-        // again.
+        // Numbers come from the network: each needs a successor, and old blocks must not be created again.
         if number < oldest || number == u64::MAX {
             return None;
         }
         if number >= self.next {
-            // However far the number leaps, only the last BLOCKS_KEPT blocks are created.
+            // However far the number jumps, only the last BLOCKS_KEPT blocks are created.
             let first = self.next.max((number + 1).saturating_sub(BLOCKS_KEPT));
             for skipped in first..=number {
                 self.blocks.insert(skipped, ReceivedBlock::new(now));
@@ -130,7 +129,7 @@ impl FecDecoder {
                 .split_off(&self.next.saturating_sub(BLOCKS_KEPT));
         }
         if let Some(after) = self.blocks.get(&(number + 1)) {
-            // A symbol of this block after the next one has begun: by so much a NACK would have been too
+            // A symbol of this block arrived after the next one had begun: a NACK before would have been too
             // early.
             let late = now.saturating_sub(after.created).min(REORDERING_MAX);
             self.reordering = self.reordering.max(late);
@@ -141,11 +140,11 @@ impl FecDecoder {
     }
 }
 
-/// Half a second of three blocks a frame, far beyond any deadline; 24 MB at most.
+/// Blocks kept: half a second of three blocks a frame, far beyond any deadline; 24 MB at most.
 const BLOCKS_KEPT: u64 = 96;
-/// A block: halved in two seconds of three blocks a frame.
+/// Decay per block: half in two seconds of three blocks a frame.
 const REORDERING_DECAY: f64 = 0.998;
-/// A longer delay is taken for a loss.
+/// A longer delay counts as loss.
 const REORDERING_MAX: Duration = Duration::from_millis(50);
 
 #[cfg(test)]
@@ -166,12 +165,12 @@ mod tests {
         losses: LossEstimator,
         there: LinkEmulator,
         back: LinkEmulator,
-        /// In flight with their arrival times.
+        /// Datagrams in flight with their arrival times.
         datagrams: Vec<(Duration, Vec<u8>)>,
         nacks: Vec<(Duration, Vec<u8>)>,
         retransmissions: Vec<(Duration, Retransmission)>,
         announcements: Vec<(Duration, u64)>,
-        /// Datagrams that were sent, and those that were lost.
+        /// Numbers of datagrams sent and lost.
         sent: (u64, u64),
         duplicated: f64,
         random: SplitMix64,
@@ -353,7 +352,7 @@ mod tests {
         );
     }
 
-    /// Each fiftieth datagram overtakes others by 11 ms, four blocks.
+    /// Every fiftieth datagram overtakes others by 11 ms, which is four blocks.
     #[test]
     fn reordered_symbols_are_waited_for() {
         let config = LinkConfig {
@@ -370,7 +369,7 @@ mod tests {
         );
     }
 
-    /// All of the only block is lost, and the first four NACKs.
+    /// The only block is lost entirely, and so are the first four NACKs.
     #[test]
     fn a_last_block_that_is_lost_whole_is_recovered() {
         let (mut encoder, mut decoder) = (FecEncoder::default(), FecDecoder::default());

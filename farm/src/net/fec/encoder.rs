@@ -1,4 +1,4 @@
-//! The sender of forward error correction: packets to datagrams.
+//! Sender of forward error correction: turns packets into datagrams.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -7,11 +7,11 @@ use super::datagram::{Datagram, HEADER_BYTES_MAX, SOURCE_SYMBOLS_MAX};
 use super::loss_estimator::LossEstimator;
 use super::{PACKET_START, Retransmission, SYMBOL_BYTES_MAX, WORD_BYTES};
 
-/// The encoder of one connection's tile packets.
+/// FEC encoder of one connection's tile packets.
 #[derive(Debug, Default)]
 pub(crate) struct FecEncoder {
     open: SourceBlock,
-    /// Blocks whose packets may be requested again, the oldest first.
+    /// Blocks whose packets may be retransmitted, the oldest first.
     sent: VecDeque<SourceBlock>,
     sent_bytes: usize,
     /// The first block that has not been announced to the receiver.
@@ -23,15 +23,15 @@ struct SourceBlock {
     number: u64,
     start: Duration,
     symbol_bytes: usize,
-    /// Padded with zeros to [`SourceBlock::symbol_bytes`]; none once the block is closed.
+    /// Padded with zeros to `symbol_bytes`; cleared once the block is closed.
     symbols: Vec<Vec<u8>>,
-    /// Each with the index of its first symbol.
+    /// The packets, each with the index of its first symbol.
     packets: Vec<(u8, Vec<u8>)>,
 }
 
 impl FecEncoder {
-    /// Adds a packet to the open block and returns the datagrams to send, each of at most
-    /// `datagram_bytes`. Returns the packet if it is too long for a block.
+    /// Adds a packet to the open block and returns the datagrams to send, each of at most `datagram_bytes`.
+    /// Fails with the packet itself if it is too long for a block.
     pub(crate) fn push(
         &mut self,
         now: Duration,
@@ -39,7 +39,7 @@ impl FecEncoder {
         datagram_bytes: usize,
         losses: &mut LossEstimator,
     ) -> Result<Vec<Vec<u8>>, Vec<u8>> {
-        // Reed–Solomon over 16-bit symbols takes even lengths only.
+        // Reed–Solomon over 16-bit symbols needs even lengths.
         let symbol_bytes = datagram_bytes.saturating_sub(HEADER_BYTES_MAX) / 2 * 2;
         let symbol_bytes = symbol_bytes.min(SYMBOL_BYTES_MAX);
         if symbol_bytes < SYMBOL_BYTES_MIN || packet.is_empty() {
@@ -50,6 +50,7 @@ impl FecEncoder {
             return Err(packet);
         }
         let mut datagrams = Vec::new();
+        // All symbols of a block have one length, which follows the path MTU.
         let fits = self.open.symbol_bytes == symbol_bytes
             // A packet never spans two blocks, which are decoded independently.
             && self.open.symbols.len() + needed <= SOURCE_SYMBOLS_MAX;
@@ -74,8 +75,8 @@ impl FecEncoder {
         if self.open.symbols.is_empty() {
             return Vec::new();
         }
-        // The number rises whatever becomes of the block, so that the receiver sees a gap where all of it
-        // is lost.
+        // Numbers are consecutive whatever happens to the block, so that the receiver notices a gap if all of
+        // it is lost.
         let next = SourceBlock {
             number: self.open.number + 1,
             symbol_bytes: self.open.symbol_bytes,
@@ -86,7 +87,7 @@ impl FecEncoder {
         block.symbols.clear();
         self.sent_bytes += block.packet_bytes();
         self.sent.push_back(block);
-        // Packets older than this are beyond any deadline.
+        // Packets older than this are past any deadline.
         while self.sent_bytes > SENT_BYTES_MAX {
             let Some(oldest) = self.sent.pop_front() else {
                 break;
@@ -96,15 +97,15 @@ impl FecEncoder {
         datagrams
     }
 
-    /// The time at which the last block must be announced, if no other has followed it: should all
-    /// of its datagrams be lost, the receiver would not know that it exists.
+    /// The time at which the last block must be announced unless another follows it: if all of its datagrams
+    /// were lost, the receiver would not know that it exists.
     pub(crate) fn announce_timeout(&self) -> Option<Duration> {
         let last = self.sent.back()?;
         let is_unannounced = self.open.symbols.is_empty() && last.number >= self.unannounced;
         is_unannounced.then(|| last.start + BLOCK_AGE_MAX + ANNOUNCE_DELAY)
     }
 
-    /// The number of the last block, to be sent on a stream.
+    /// The number of the last block, to be announced on a stream.
     pub(crate) fn announce_last(&mut self) -> Option<u64> {
         let last = self.sent.back()?.number;
         self.unannounced = last + 1;
@@ -124,7 +125,7 @@ impl FecEncoder {
             let all = (u64::MAX >> (u64::BITS as usize - symbols)) << *first;
             received & all != all
         };
-        // Taken out: a second NACK that crosses the answer on its way does not send them twice.
+        // Removed, so that a second NACK that crosses the answer does not send them twice.
         let packets: Vec<_> = block.packets.extract_if(.., is_incomplete).collect();
         self.sent_bytes -= before - block.packet_bytes();
         let retransmission = |(index, packet)| Retransmission {
@@ -144,8 +145,8 @@ impl SourceBlock {
         let mut flag = PACKET_START;
         for part in packet.chunks(payload_bytes) {
             let mut symbol = Vec::with_capacity(self.symbol_bytes);
-            // Inside the symbol, and so restored with it: a receiver that lost the first symbol of a
-            // packet still learns where it begins and how long it is.
+            // Part of the symbol and thus restored with it: a receiver that lost the first symbol of a packet
+            // still learns where it begins and how long it is.
             symbol.extend_from_slice(&(left | flag).to_le_bytes());
             symbol.extend_from_slice(part);
             let datagram = Datagram::Source {
@@ -154,7 +155,7 @@ impl SourceBlock {
                 bytes: &symbol,
             };
             datagrams.push(datagram.to_bytes());
-            // Sent without the padding, encoded with it.
+            // Sent without the padding, but encoded with it, since all symbols of a code have one length.
             symbol.resize(self.symbol_bytes, 0);
             self.symbols.push(symbol);
             (left, flag) = (left - part.len() as u32, 0);
@@ -165,7 +166,7 @@ impl SourceBlock {
     fn repair_symbols(&self, losses: &mut LossEstimator) -> Vec<Vec<u8>> {
         let source_count = self.symbols.len();
         let repair_count = losses.repair_count(source_count);
-        // Cannot fail: the counts are in range and all symbols of one even length.
+        // Cannot fail: the counts are in range, and all symbols have one even length.
         let symbols = reed_solomon_simd::encode(source_count, repair_count, &self.symbols)
             .unwrap_or_default();
         let datagram = |(index, bytes): (usize, &Vec<u8>)| {
@@ -186,12 +187,12 @@ impl SourceBlock {
     }
 }
 
-/// In shorter symbols the headers are most of what is sent.
+/// With shorter symbols, headers would be a large part of what is sent.
 const SYMBOL_BYTES_MIN: usize = 256;
-/// The last repair symbol leaves this long after the block's first symbol: restored packets are
-/// late by no more, and blocks are long enough to need few repair symbols.
+/// Maximum age of an open block: restored packets are late by no more, and blocks are long enough to need few
+/// repair symbols.
 const BLOCK_AGE_MAX: Duration = Duration::from_millis(3);
-/// Tiles of one frame are this far apart at most.
+/// Tiles of one frame are sent within this time of each other.
 const ANNOUNCE_DELAY: Duration = Duration::from_millis(5);
-/// Packets kept for retransmission: 1 s of 31.5 Mbit/s, 130 ms of 250.
+/// Bytes of packets kept for retransmission: 1 s at 31.5 Mbit/s, 130 ms at 250.
 const SENT_BYTES_MAX: usize = 4 << 20;

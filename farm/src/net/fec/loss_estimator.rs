@@ -1,24 +1,24 @@
-//! An estimate of a path's packet loss, which decides whether tiles travel as datagrams with
-//! forward error correction and how many repair symbols a block needs.
+//! Estimator of a path's packet loss, which decides whether tiles travel as datagrams with forward error
+//! correction and how many repair symbols a block gets.
 
 use std::time::Duration;
 
-/// The estimator of one path.
+/// Loss estimator of one path.
 #[derive(Clone, Debug)]
 pub(crate) struct LossEstimator {
-    /// Packets of the connection until the last observation.
+    /// Packets sent on the connection until the last observation.
     sent: u64,
     lost: u64,
-    /// Share of packets that are lost.
+    /// Estimated share of packets that are lost.
     loss: f64,
     lossy: bool,
-    /// Factor by which more losses share a block than independent ones would, 1 or more.
+    /// Factor, at least 1, by which losses concentrate on fewer blocks than independent ones would.
     burstiness: f64,
 }
 
 impl LossEstimator {
-    /// An estimator that assumes a loss of one packet in a hundred, so that a lossy path does not
-    /// cost the first frames.
+    /// An estimator that assumes a loss of one packet in a hundred, so that on a lossy path the first frames
+    /// do not suffer.
     pub(crate) const fn new() -> Self {
         Self {
             sent: 0,
@@ -29,7 +29,7 @@ impl LossEstimator {
         }
     }
 
-    /// Updates the estimate with the packets that the connection has sent and lost until now.
+    /// Updates the estimate with the total numbers of packets that the connection has sent and lost.
     pub(crate) fn observe(&mut self, sent: u64, lost: u64) {
         let new_sent = sent.saturating_sub(self.sent);
         if new_sent < OBSERVATION_PACKETS_MIN {
@@ -38,34 +38,33 @@ impl LossEstimator {
         let new_lost = lost.saturating_sub(self.lost);
         (self.sent, self.lost) = (sent, lost);
         let share = (new_lost as f64 / new_sent as f64).min(1.0);
-        // Weighted by packets, as observations are of unequal length.
-        // As much as MEMORY_PACKETS packets of history weigh against those of the observation.
+        // Weighted by packets, since observations differ in length: MEMORY_PACKETS of history against those
+        // of this observation.
         let gain = new_sent as f64 / (new_sent as f64 + MEMORY_PACKETS);
         self.loss += gain * (share - self.loss);
-        // Hysteresis: a path at the threshold must not alternate between transports.
+        // Hysteresis: a path near the threshold must not alternate between the transports.
         self.lossy = match self.lossy {
             true => self.loss > LOSSY_BELOW,
             false => self.loss > LOSSY_ABOVE,
         };
     }
 
-    /// Whether error correction pays over a path with this round-trip time: on a short path a
-    /// retransmission comes soon enough, and without loss repair symbols are waste.
+    /// Whether error correction is worthwhile over a path with this round-trip time: on a short path a
+    /// retransmission is soon enough, and without loss repair symbols are wasted.
     pub(crate) fn wants_fec(&self, rtt: Duration) -> bool {
         self.lossy && rtt >= FEC_RTT_MIN
     }
 
-    /// Handles a block whose repair symbols did not suffice: losses come in bursts.
+    /// Handles a block whose repair symbols did not suffice: losses occur in bursts.
     pub(crate) fn on_decoding_failure(&mut self) {
         self.burstiness = (BURSTINESS_GROWTH * self.burstiness).min(BURSTINESS_MAX);
     }
 
-    /// Repair symbols for a block of `source_count` symbols: so many that one block in ten thousand
-    /// loses more, but at most half as many as source symbols.
+    /// The number of repair symbols for a block of `source_count`: the smallest with which one block in ten
+    /// thousand loses more, but at most half of the source symbols. Called once per block.
     pub(crate) fn repair_count(&mut self, source_count: usize) -> usize {
         self.burstiness = 1.0 + BURSTINESS_DECAY * (self.burstiness - 1.0);
-        // Losses in bursts hit fewer blocks with more each; a higher loss of independent packets stands
-        // for that.
+        // Bursts hit fewer blocks, each with more losses, which is modelled as a higher independent loss.
         let loss = (self.loss.max(LOSSY_BELOW) * self.burstiness).min(0.5);
         let most = source_count.div_ceil(2).max(2);
         let is_enough = |repair_count: &usize| {
@@ -74,44 +73,46 @@ impl LossEstimator {
         (1..most).find(is_enough).unwrap_or(most)
     }
 
-    /// Bytes on the path for each byte of tiles, 1 or more.
+    /// Bytes on the path per byte of tiles, at least 1.
     pub(crate) fn overhead(&self) -> f64 {
         let mut estimator = self.clone();
         1.0 + estimator.repair_count(TYPICAL_SOURCE_COUNT) as f64 / TYPICAL_SOURCE_COUNT as f64
     }
 }
 
-/// The probability that more than `tolerated` of `count` packets are lost, each with probability
-/// `loss`: the upper tail of the binomial distribution.
+/// The probability that more than `tolerated` of `count` packets are lost, each independently with
+/// probability `loss`: the upper tail of the binomial distribution.
 fn loss_tail(count: usize, tolerated: usize, loss: f64) -> f64 {
     let mut term = (1.0 - loss).powi(count as i32);
     let mut sum = term;
     for lost in 1..=tolerated {
-        // P(lost) from P(lost − 1), without factorials.
+        // P(lost) from P(lost − 1) by the ratio of binomial terms.
         term *= (count - lost + 1) as f64 / lost as f64 * loss / (1.0 - loss);
         sum += term;
     }
+    // The cancellation is harmless, since the result is compared with a probability as large as 10⁻⁴.
     1.0 - sum
 }
 
-/// Over a shorter round trip a retransmission comes within half a frame.
+/// Minimum RTT for error correction: on shorter paths a retransmission arrives within half a frame.
 const FEC_RTT_MIN: Duration = Duration::from_millis(10);
 const INITIAL_LOSS: f64 = 0.01;
-/// Above this a path is lossy: each frame of 60 packets loses one in twenty times …
+/// Loss above which a path becomes lossy: about one frame of 60 packets in twenty loses a packet.
 const LOSSY_ABOVE: f64 = 1e-3;
-/// … and below this it is not.
+/// Loss below which a path is no longer lossy.
 const LOSSY_BELOW: f64 = 3e-4;
-/// Fewer packets, a fraction of a frame, would be noise.
+/// Minimum packets of an observation; fewer, a fraction of a frame, would be noise.
 const OBSERVATION_PACKETS_MIN: u64 = 32;
-/// 1.4 seconds of 31.5 Mbit/s: four losses at [`LOSSY_ABOVE`].
+/// Weight of the history in packets: 1.4 seconds at 31.5 Mbit/s, or four losses at [`LOSSY_ABOVE`].
 const MEMORY_PACKETS: f64 = 4000.0;
+/// Accepted probability that a block loses more than its repair symbols restore.
 const DECODING_FAILURE: f64 = 1e-4;
 const BURSTINESS_GROWTH: f64 = 1.5;
-/// Bursts of eight.
+/// Maximum burstiness: bursts of eight losses.
 const BURSTINESS_MAX: f64 = 8.0;
-/// A block: burstiness halves in a second of three blocks a frame.
+/// Decay per block: the excess of burstiness halves in a second of three blocks a frame.
 const BURSTINESS_DECAY: f64 = 0.996;
-/// A block of 31.5 Mbit/s.
+/// Source symbols of a typical block at 31.5 Mbit/s.
 const TYPICAL_SOURCE_COUNT: usize = 16;
 
 #[cfg(test)]
@@ -120,7 +121,7 @@ mod tests {
 
     const LONG_RTT: Duration = Duration::from_millis(46);
 
-    /// An estimator of a path that has lost each `one_in`th of so many packets.
+    /// An estimator after this number of packets, of which every `one_in`th was lost.
     fn after(packets: u64, one_in: u64) -> LossEstimator {
         let mut estimator = LossEstimator::new();
         for sent in (0..=packets).step_by(100) {
@@ -164,7 +165,7 @@ mod tests {
         assert_eq!(after(1000, 2).repair_count(1), 2);
     }
 
-    /// Of 4 packets at 1/2: 5 in 16 lose more than 2.
+    /// Of 4 packets with loss 1/2, more than 2 are lost with probability 5/16.
     #[test]
     fn loss_tail_is_binomial() {
         assert!((loss_tail(4, 2, 0.5) - 5.0 / 16.0).abs() < 1e-12);

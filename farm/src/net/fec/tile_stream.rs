@@ -1,15 +1,15 @@
-//! The wire format of the streams that carry tiles to a player: a tile packet, or a byte that no tile packet
-//! starts with and what it stands for.
+//! Wire format of the streams that carry tiles to a player: a tile packet, or a byte with which no tile
+//! packet starts and what it announces.
 
 use super::Retransmission;
 
-/// The bytes of a stream.
+/// Content of a stream.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum TileStream {
     /// A tile packet.
     Packet(Vec<u8>),
-    /// [`RETRANSMISSION`], the number of a block, the index of the packet's first symbol in it and the
-    /// packet, which was lost as datagrams.
+    /// [`RETRANSMISSION`], the number of a block, the index of the packet's first symbol in it, and the
+    /// packet, whose datagrams were lost.
     Retransmission(Retransmission),
     /// [`LAST_BLOCK`] and the number of the last block.
     LastBlock(u64),
@@ -40,7 +40,7 @@ impl TileStream {
         }
     }
 
-    /// What precedes the packet of a retransmission.
+    /// The header before the packet of a retransmission.
     pub(crate) fn retransmission_header(block: u64, index: u8) -> Vec<u8> {
         [&[RETRANSMISSION], &block.to_le_bytes()[..], &[index]].concat()
     }
@@ -51,7 +51,7 @@ impl TileStream {
     }
 }
 
-/// Bytes before the packet of a retransmission.
+/// Length of the header before the packet of a retransmission.
 pub(crate) const RETRANSMISSION_HEADER_BYTES: usize = 10;
 const RETRANSMISSION: u8 = 0xff;
 const LAST_BLOCK: u8 = 0xfe;

@@ -1,4 +1,4 @@
-//! Document: the scene file that is open, read on a thread of its own, and again when it changes.
+//! Document: the open scene file, read on a thread of its own, and reread when it changes.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,26 +11,26 @@ use carom_tracer::{Camera, Scene, SceneUpdate};
 use super::Exchange;
 use crate::lights::LightSwitches;
 
-/// The scene that is open.
+/// The open scene.
 pub(super) struct Document {
     pub(super) number: u64,
     pub(super) path: PathBuf,
     pub(super) file: SceneFile,
-    /// What is shown of it: a scene, and what has moved there since.
+    /// The shown state of it: a scene, and what has moved since.
     pub(super) scene: Arc<Scene>,
     pub(super) update: SceneUpdate,
-    /// When that is.
+    /// The animation and time of that state.
     pub(super) time: Option<(usize, f64)>,
-    /// How it is looked at until the window says it.
+    /// Camera and lights used until the window sets others.
     pub(super) camera: Camera,
     pub(super) lights: LightSwitches,
 }
 
 impl Document {
-    /// Shows another moment.
+    /// Moves to another time.
     ///
     /// # Errors
-    /// What cannot be drawn then; what is shown stays.
+    /// The reason why the scene cannot be drawn at that time; the shown state stays.
     pub(super) fn seek(&mut self, time: Option<(usize, f64)>) -> Result<(), Error> {
         if time == self.time {
             return Ok(());
@@ -60,7 +60,7 @@ impl Reading {
         let (sender, receiver) = channel();
         let (file, exchange) = (path.clone(), Arc::clone(exchange));
         let read = move || {
-            // Nobody waits for it any more once the window is closed.
+            // Fails if the window has been closed meanwhile.
             let _ = sender.send(SceneFile::open(&file));
             exchange.notify();
         };
@@ -73,7 +73,7 @@ impl Reading {
         })
     }
 
-    /// What was read, once it is there.
+    /// The result, once the file has been read.
     pub(super) fn poll(&self) -> Option<Result<SceneFile, String>> {
         match self.file.try_recv() {
             Ok(read) => Some(read.map_err(|why| why.to_string())),
@@ -86,20 +86,20 @@ impl Reading {
     }
 }
 
-/// A file that is looked at now and then for changes.
+/// Watch of a file for changes, by polling.
 pub(super) struct FileWatch {
     path: PathBuf,
-    /// As it was when it was read, and as it was at the last look.
+    /// Its stamps when it was read and at the last poll.
     read: Option<FileStamp>,
     seen: Option<FileStamp>,
     looked: Instant,
 }
 
-/// What differs once a file has been written.
+/// Modification time and length, which differ once a file has been rewritten.
 type FileStamp = (SystemTime, u64);
 
 impl FileWatch {
-    /// Of a file that is about to be read.
+    /// A watch of a file that is about to be read.
     pub(super) fn new(path: &Path) -> Self {
         let stamp = stamp(path);
         Self {
@@ -110,7 +110,7 @@ impl FileWatch {
         }
     }
 
-    /// The file, if it has changed since it was read, and is not being written any more.
+    /// The file, if it has changed since it was read and is not still being written.
     pub(super) fn changed(&mut self) -> Option<PathBuf> {
         if self.looked.elapsed() < LOOK_PERIOD {
             return None;
@@ -118,7 +118,7 @@ impl FileWatch {
         self.looked = Instant::now();
         let now = stamp(&self.path);
         let before = std::mem::replace(&mut self.seen, now);
-        // One that is away is about to be put in place.
+        // A missing file is about to be replaced; one that differs between polls is being written.
         let has_changed = now.is_some() && now == before && now != self.read;
         has_changed.then(|| self.path.clone())
     }
@@ -129,5 +129,5 @@ fn stamp(path: &Path) -> Option<FileStamp> {
     Some((metadata.modified().ok()?, metadata.len()))
 }
 
-/// How often a file is looked at.
+/// Period of polling the file.
 const LOOK_PERIOD: Duration = Duration::from_millis(500);

@@ -5,8 +5,8 @@
 //!        ◀───News───        ──▶ files, on threads of their own
 //! ```
 //!
-//! What is wanted is a state and no queue: the worker compares it with what there is. News are kept
-//! until they are taken, the newest of a kind alone.
+//! The window states what it wants as a whole instead of queueing commands: the worker compares it with what
+//! there is. News are kept until they are taken, only the newest of each kind.
 
 mod document;
 mod save;
@@ -24,111 +24,111 @@ use carom_window::display::DisplayFrame;
 
 use crate::lights::LightSwitches;
 
-/// What the window wants of the renderer.
+/// State that the window wants of the renderer.
 #[derive(Clone, Debug, Default)]
 pub struct Wanted {
-    /// A file to open, and how often one was asked for so far: the same file again is read again.
+    /// A file to open, and the number of such requests so far: a new number for the same file rereads it.
     pub file: Option<(u64, PathBuf)>,
-    /// How a scene is looked at; until it is known, as the scene has it.
+    /// The view of a scene; until one is set, as the scene has it.
     pub look: Option<SceneLook>,
-    /// Pixels of the window; none while it has no area.
+    /// The size of the window in pixels; `None` while it has no area.
     pub size: Option<ImageSize>,
-    /// Radiance is shown times this.
+    /// Factor on radiance for display.
     pub exposure: f32,
-    /// Whether no more samples are gathered.
+    /// Whether gathering of samples is paused.
     pub is_paused: bool,
-    /// What is given up first while things change.
+    /// What is sacrificed first while things change.
     pub preference: QualityPreference,
-    /// How frames are divided.
+    /// The balancing of frames among nodes.
     pub balancing: Balancing,
-    /// What of them is divided.
+    /// The distribution of frames: by tiles or by samples.
     pub distribution: Distribution,
-    /// Whether frames are told of.
+    /// Whether frames are reported for statistics.
     pub has_statistics: bool,
     /// A picture or film to save.
     pub save: Option<SaveOrder>,
-    /// The number of the last order that is not wanted any more; 0 for none.
+    /// The number of the last cancelled order; 0 for none.
     pub cancelled_save: u64,
 }
 
-/// How a scene is looked at.
+/// View of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneLook {
-    /// Which, see [`OpenedScene::number`].
+    /// The scene, see [`OpenedScene::number`].
     pub scene: u64,
-    /// From where.
+    /// The camera.
     pub camera: Camera,
-    /// By which lights.
+    /// The lights that are on.
     pub lights: LightSwitches,
-    /// An animation of it and when in that, seconds; none if it has none.
+    /// An animation and the time in it in seconds; `None` if the scene has none.
     pub time: Option<(usize, f64)>,
 }
 
-/// A picture or film to save.
+/// Order to save a picture or film.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SaveOrder {
-    /// Differs for each; from 1 on.
+    /// Number that differs for each order, from 1.
     pub number: u64,
-    /// The file, whose name says its format.
+    /// The file, whose extension determines its format.
     pub path: PathBuf,
-    /// Pixels across and down.
+    /// Size in pixels.
     pub size: ImageSize,
     /// Samples per pixel.
     pub samples: u32,
-    /// Radiance is shown times this.
+    /// Factor on radiance for display.
     pub exposure: f32,
-    /// What is seen of the scene; of a film, in each frame.
+    /// The view of a still, or those of a film's frames.
     pub views: Arc<[FrameView]>,
-    /// Frames per second of a film; none for a still.
+    /// Frames per second of a film; `None` for a still.
     pub frames_per_sec: Option<u16>,
 }
 
-/// From where and when a picture shows the scene.
+/// Camera and time of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameView {
-    /// From where.
+    /// The camera.
     pub camera: FrameCamera,
-    /// An animation and when in it, seconds; none shows the scene without.
+    /// An animation and the time in it in seconds; `None` shows the scene without animation.
     pub time: Option<(usize, f64)>,
 }
 
-/// The camera of a picture.
+/// Camera of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FrameCamera {
-    /// One that stands here.
+    /// A fixed camera.
     Placed(Camera),
-    /// The file's camera of this number, where it is at the picture's time.
+    /// The file's camera with this index, at the picture's time.
     OfFile(usize),
 }
 
-/// How pictures are traced, from the command line.
+/// Accuracy of tracing, from the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Accuracy {
-    /// Samples per pixel that gather while nothing changes.
+    /// Samples per pixel that are gathered while nothing changes.
     pub samples: u32,
-    /// Scattering events of a path at most.
+    /// Maximum scattering events of a path.
     pub max_depth: u32,
 }
 
-/// A scene that is open now.
+/// A scene that has been opened.
 #[derive(Clone, Debug)]
 pub struct OpenedScene {
-    /// Differs for each that is opened or read again.
+    /// Number that differs for each opened or reread scene.
     pub number: u64,
     /// Its file.
     pub path: PathBuf,
-    /// What was read.
+    /// The parsed file.
     pub file: SceneFile,
-    /// Whether its file has changed since it was read before.
+    /// Whether its file was reread after a change.
     pub is_reread: bool,
 }
 
-/// A picture to show.
+/// Picture to show.
 #[derive(Clone, Debug)]
 pub struct ShownPicture {
-    /// At its exposure.
+    /// The picture at its exposure.
     pub frame: DisplayFrame,
-    /// Samples of each pixel.
+    /// Samples per pixel.
     pub samples: u32,
     /// Whether it is a draft, shown while things change.
     pub is_draft: bool,
@@ -139,39 +139,39 @@ pub struct ShownPicture {
 pub struct News {
     /// A scene that has been opened.
     pub opened: Option<OpenedScene>,
-    /// Why a file could not be opened; the scene before stays.
+    /// The reason why a file could not be opened; the previous scene stays.
     pub refused: Option<String>,
     /// A newer picture.
     pub picture: Option<ShownPicture>,
     /// Whether there is nothing to show any more.
     pub is_cleared: bool,
-    /// Why no more pictures come; empty once they do.
+    /// The reason why pictures have stopped; empty once they arrive again.
     pub fault: Option<String>,
-    /// Frames that have come, if they are to be told of, the oldest first.
+    /// Frames that have arrived, the oldest first, if they are to be reported.
     pub frames: Vec<LiveFrame>,
-    /// Nodes as they are.
+    /// Status of the nodes.
     pub nodes: Option<Vec<NodeStatus>>,
     /// Quality of drafts.
     pub quality: Option<Quality>,
-    /// The file that was saved, or why it was not.
+    /// The file that was saved, or the reason why it was not.
     pub saved: Option<Result<PathBuf, String>>,
     /// A file that is being read.
     pub reading: Option<PathBuf>,
-    /// How far the file is that is being saved, 0 to 1.
+    /// Progress of the file that is being saved, 0 to 1.
     pub saving: Option<f64>,
 }
 
-/// See the [module](self).
+/// Renderer of the viewer's pictures; see the [module](self).
 pub struct Renderer {
     exchange: Arc<Exchange>,
     worker: Option<JoinHandle<()>>,
 }
 
 impl Renderer {
-    /// Starts a farm; `wake` is called, from other threads, when there are news.
+    /// Starts a farm; `wake` is called from other threads when there are news.
     ///
     /// # Errors
-    /// The system's reason if there can be no thread.
+    /// The system's error if no thread can be started.
     pub fn start(
         config: FarmConfig,
         accuracy: Accuracy,
@@ -194,7 +194,7 @@ impl Renderer {
         })
     }
 
-    /// One without a farm, whose part a test takes by [`Renderer::post`].
+    /// A renderer without a farm, whose part a test plays by [`Renderer::post`].
     pub fn without_farm() -> Self {
         let wanted = Wanted {
             exposure: 1.0,
@@ -206,7 +206,7 @@ impl Renderer {
         }
     }
 
-    /// Wants something else from now on.
+    /// Changes the wanted state.
     pub fn want(&self, change: impl FnOnce(&mut Wanted)) {
         let mut state = self.exchange.lock();
         change(&mut state.wanted);
@@ -215,12 +215,12 @@ impl Renderer {
         self.exchange.changed.notify_all();
     }
 
-    /// What is wanted.
+    /// The wanted state.
     pub fn wanted(&self) -> Wanted {
         self.exchange.lock().wanted.clone()
     }
 
-    /// What is new.
+    /// Takes the news; those about ongoing work are kept as well.
     pub fn take_news(&self) -> News {
         let mut state = self.exchange.lock();
         let lasting = News {
@@ -238,7 +238,7 @@ impl Renderer {
 }
 
 impl Drop for Renderer {
-    /// Waits for the farm's end: a GPU's driver must not be at work in a process that is exiting.
+    /// Waits for the farm to end, since a GPU driver must not be active in an exiting process.
     fn drop(&mut self) {
         self.exchange.lock().quits = true;
         self.exchange.changed.notify_all();
@@ -248,7 +248,7 @@ impl Drop for Renderer {
     }
 }
 
-/// What window and worker share.
+/// State shared by window and worker.
 struct Exchange {
     state: Mutex<ExchangeState>,
     changed: Condvar,
@@ -258,7 +258,7 @@ struct Exchange {
 struct ExchangeState {
     wanted: Wanted,
     news: News,
-    /// Whether there is something for the worker to look at.
+    /// Whether the worker has something to check.
     is_changed: bool,
     quits: bool,
 }
@@ -281,7 +281,7 @@ impl Exchange {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Tells the window something.
+    /// Adds news and wakes the window.
     fn post(&self, add: impl FnOnce(&mut News)) {
         add(&mut self.lock().news);
         (self.wake)();
@@ -293,8 +293,7 @@ impl Exchange {
         self.changed.notify_all();
     }
 
-    /// Waits until there is something to do, but not longer than `patience`; none once the window is
-    /// closed.
+    /// Waits until there is something to do, at most for `patience`; `None` once the window is closed.
     fn wait(&self, patience: Duration) -> Option<Wanted> {
         let mut state = self.lock();
         if !state.is_changed && !state.quits {

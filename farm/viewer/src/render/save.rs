@@ -1,4 +1,4 @@
-//! Saving of stills and films: traced in the background, written by a thread of their own.
+//! Saving of stills and films: traced in the background and written by a thread of their own.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use carom_tracer::{RenderSettings, Scene, SceneUpdate};
 use super::{Accuracy, Exchange, FrameCamera, FrameView, SaveOrder};
 use crate::lights::LightSwitches;
 
-/// A file that is being traced and written. Dropped, it is cancelled and waited for.
+/// File that is being traced and written. Dropping it cancels it and waits.
 pub(super) struct Saving {
     pub(super) number: u64,
     canceller: Canceller,
@@ -22,10 +22,11 @@ pub(super) struct Saving {
 }
 
 impl Saving {
-    /// Begins to trace what `order` wants of a scene file by lights.
+    /// Begins to trace the `order` of a scene file with these lights.
     ///
     /// # Errors
-    /// What the farm refuses, that the name says no format, that a still cannot be drawn, or that there can be no thread.
+    /// The farm's refusal, an unknown format, a still that cannot be drawn, or the system's error about a
+    /// thread.
     pub(super) fn begin(
         farm: &mut Farm,
         (file, lights): (SceneFile, LightSwitches),
@@ -95,14 +96,14 @@ impl Drop for Saving {
     }
 }
 
-/// What each picture of an order shows.
+/// Source of the scene state of each picture of an order.
 struct FrameStates {
-    /// The scene without animations, lit.
+    /// The scene without animations, with its lights switched.
     scene: Arc<Scene>,
     file: SceneFile,
     lights: LightSwitches,
     views: Arc<[FrameView]>,
-    /// The last scene of the file, and as it is lit.
+    /// The file's last scene, and the same with its lights switched.
     lit: (Arc<Scene>, Arc<Scene>),
 }
 
@@ -123,12 +124,13 @@ impl FrameStates {
         }
         let (_, lit) = &self.lit;
         Ok(FilmState {
+            // `None` stands for the scene with which the film was begun.
             scene: (!Arc::ptr_eq(lit, &self.scene)).then(|| Arc::clone(lit)),
             update: update.camera(camera),
         })
     }
 
-    /// What tells them from all others of the same scene.
+    /// A key that distinguishes these frames from all others of the same scene.
     fn key(&self) -> String {
         format!("{} {:?} {:?}", self.file.key(), self.lights, self.views)
     }
@@ -192,8 +194,7 @@ fn finish_film(frames: FilmFrames, path: &Path, frames_per_sec: u16) -> Result<(
     frames.remove()
 }
 
-/// Where the frames of a film lie until it is whole; saved under the same name again, it goes on with
-/// them.
+/// The folder for the frames of an unfinished film; saving again under the same name resumes with them.
 fn frames_folder(path: &Path) -> PathBuf {
     let mut folder = path.as_os_str().to_owned();
     folder.push(".frames");

@@ -1,4 +1,4 @@
-//! Worker: the thread that owns the farm, and does what the window wants.
+//! Worker: the thread that owns the farm and carries out what the window wants.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use super::save::Saving;
 use super::{Accuracy, Exchange, OpenedScene, SceneLook, ShownPicture, Wanted};
 use crate::lights::LightSwitches;
 
-/// Works until the window is closed.
+/// Runs until the window is closed.
 pub(super) fn run(config: FarmConfig, accuracy: Accuracy, exchange: &Arc<Exchange>) {
     let applied = (config.balancer, config.distribution);
     let farm = match Farm::new(config) {
@@ -62,24 +62,24 @@ struct Worker<'a> {
     farm: Farm,
     divided: (Balancing, Distribution),
     document: Option<Document>,
-    /// Scenes that have been opened.
+    /// Number of scenes opened so far.
     documents: u64,
-    /// The last file that was asked for.
+    /// Number of the last request for a file.
     files_asked: u64,
     reading: Option<Reading>,
     watch: Option<FileWatch>,
     view: Option<LiveView>,
-    /// The scene of the view, and its lights.
+    /// The number of the view's scene, and its lights.
     view_of: Option<(u64, LightSwitches)>,
-    /// That scene as it was when the view got it.
+    /// The scene that was last passed to the view.
     view_scene: Option<Arc<Scene>>,
-    /// Whether the moment that is wanted cannot be shown.
+    /// Whether the wanted time cannot be shown.
     is_stuck: bool,
-    /// Since when there has been no view because no node answered.
+    /// Since when there has been no view because no node was available.
     lost: Option<Instant>,
-    /// The newest picture, and whether it has been shown at its exposure.
+    /// The newest picture, and the exposure at which it has been shown.
     picture: Option<(Picture, Option<f32>)>,
-    /// Pictures that have been shown.
+    /// Number of pictures shown.
     pictures: u64,
     shown: Instant,
     saving: Option<Saving>,
@@ -87,7 +87,7 @@ struct Worker<'a> {
 }
 
 impl Worker<'_> {
-    /// How long there is nothing to do, if nothing happens.
+    /// The maximum wait for events.
     fn patience(&self) -> Duration {
         match self.view {
             Some(_) => SHOW_PERIOD,
@@ -106,7 +106,7 @@ impl Worker<'_> {
         self.divided = (balancing, distribution);
     }
 
-    /// Reads a file that is wanted, or has changed, and opens what has been read.
+    /// Reads a file that is wanted or has changed, and opens one that has been read.
     fn open(&mut self, wanted: &Wanted) {
         if let Some(read) = self.reading.as_ref().and_then(Reading::poll)
             && let Some(Reading {
@@ -154,7 +154,7 @@ impl Worker<'_> {
         let copy = file.clone();
         let number = self.documents;
         let (mut camera, mut lights) = (scene.camera, LightSwitches::of(&scene));
-        // One that is read again is seen as before.
+        // A reread scene keeps its view.
         if let Some(look) = self.look(wanted).filter(|_| is_reread) {
             camera = look.camera;
             if look.lights.fit(&lights) {
@@ -180,7 +180,7 @@ impl Worker<'_> {
         self.exchange.post(|news| news.opened = Some(opened));
     }
 
-    /// How the scene that is open is looked at.
+    /// The view of the open scene.
     fn look(&self, wanted: &Wanted) -> Option<SceneLook> {
         let document = self.document.as_ref()?;
         let of_scene = |look: &&SceneLook| look.scene == document.number;
@@ -195,7 +195,7 @@ impl Worker<'_> {
         })
     }
 
-    /// Has the view show what is wanted.
+    /// Makes the live view show what is wanted.
     fn follow(&mut self, wanted: &Wanted) {
         let (Some(look), Some(size)) = (self.look(wanted), wanted.size) else {
             return;
@@ -209,12 +209,15 @@ impl Worker<'_> {
         let (Some(view), Some(document)) = (&mut self.view, &self.document) else {
             return;
         };
+        // Paused while a file is saved, which then has the farm to itself.
         view.set_paused(wanted.is_paused || is_saving);
         view.set_quality_preference(wanted.preference);
         let followed = view.resize(size.width, size.height);
         let update = document.update.clone().camera(look.camera);
         let shown = self.view_scene.as_ref();
         let followed = followed.and_then(|()| {
+            // An update suffices while the file yields the same scene; other lights have begun a new view
+            // above.
             if shown.is_some_and(|shown| Arc::ptr_eq(shown, &document.scene)) {
                 return view.set_update(update);
             }
@@ -226,7 +229,7 @@ impl Worker<'_> {
         }
     }
 
-    /// Shows the moment that is wanted.
+    /// Moves to the wanted time.
     fn seek(&mut self, look: &SceneLook) {
         let Some(document) = &mut self.document else {
             return;
@@ -244,7 +247,7 @@ impl Worker<'_> {
         }
     }
 
-    /// Begins again once there is a node, after there was none.
+    /// Restarts the view once a node is available, after there was none.
     fn recover(&mut self) {
         let Some(since) = self.lost else { return };
         let has_node = || self.farm.nodes().iter().any(|node| node.state.is_ready());
@@ -280,7 +283,7 @@ impl Worker<'_> {
         }
     }
 
-    /// Ends the view, until something else is wanted.
+    /// Ends the view until something else is wanted.
     fn fail(&mut self, why: &Error) {
         tracing::warn!("{why}");
         if matches!(why, Error::NoNodes { .. }) {
@@ -291,8 +294,8 @@ impl Worker<'_> {
         self.exchange.post(|news| news.fault = Some(sentence));
     }
 
-    /// Hands the newest picture over; while nothing changes not so often that it would cost the
-    /// samples' time.
+    /// Passes the newest picture on. While nothing changes this is done less often, so as not to take time
+    /// from sampling.
     fn show(&mut self, wanted: &Wanted) {
         let is_shown = self.picture.as_ref().is_some_and(|(_, at)| at.is_some());
         let is_due = self.shown.elapsed() >= SHOW_PERIOD || !is_shown || self.is_draft(wanted);
@@ -332,7 +335,7 @@ impl Worker<'_> {
         });
     }
 
-    /// Whether the newest picture is one of those shown while things change.
+    /// Whether the newest picture is a draft, shown while things change.
     fn is_draft(&self, wanted: &Wanted) -> bool {
         let picture = self.picture.as_ref();
         picture.is_none_or(|(picture, _)| {
@@ -365,7 +368,7 @@ impl Worker<'_> {
         match Saving::begin(&mut self.farm, seen, accuracy, order.clone(), exchange) {
             Ok(saving) => {
                 self.saving = Some(saving);
-                // The view makes room for it.
+                // Wakes the worker, so that the live view is paused for it.
                 self.exchange.notify();
             }
             Err(why) => self
@@ -374,7 +377,7 @@ impl Worker<'_> {
         }
     }
 
-    /// Tells of the farm.
+    /// Reports the farm's state.
     fn tell(&mut self, wanted: &Wanted) {
         let nodes = self.farm.nodes();
         let quality = self.view.as_ref().and_then(LiveView::quality);
@@ -382,7 +385,7 @@ impl Worker<'_> {
             Some(view) if wanted.has_statistics => view.frames(),
             _ => Vec::new(),
         };
-        // It wakes nobody: who shows them looks for them.
+        // Without waking the window: it polls these when it shows them.
         let mut state = self.exchange.lock();
         let news = &mut state.news;
         news.nodes = Some(nodes);
@@ -393,11 +396,11 @@ impl Worker<'_> {
     }
 }
 
-/// How often pictures that gather samples are handed over.
+/// Period of passing on pictures that gather samples.
 const SHOW_PERIOD: Duration = Duration::from_millis(80);
-/// How often an idle farm is looked at.
+/// Period of checking an idle farm.
 const REST_PERIOD: Duration = Duration::from_millis(250);
-/// How soon a view begins again after there was no node.
+/// Minimum time before the view is restarted after there was no node.
 const RECOVERY_PERIOD: Duration = Duration::from_secs(1);
-/// Frames that wait to be told of.
+/// Maximum number of frames waiting to be reported.
 const FRAMES_MAX: usize = 256;

@@ -6,7 +6,7 @@ use egui::{ComboBox, Id, Slider, SliderClamping, Ui};
 
 use crate::playback::{Playback, SPEEDS};
 
-/// Draws them; whether another animation was chosen.
+/// Draws the controls; returns whether another animation was chosen.
 pub(crate) fn show(ui: &mut Ui, playback: &mut Playback) -> bool {
     let (chosen, secs) = playback.time().unwrap_or_default();
     let animations = playback.animations().clone();
@@ -45,7 +45,7 @@ pub(crate) fn show(ui: &mut Ui, playback: &mut Playback) -> bool {
         .text(text!("view-time"))
         .suffix(" s")
         .fixed_decimals(2)
-        // Shown, it is not rounded: a slow animation would stand still.
+        // Clamping only edits avoids rounding the value each frame, which would stop a slow animation.
         .clamping(SliderClamping::Edits);
     if ui.add(slider).changed() {
         playback.seek(at_secs);

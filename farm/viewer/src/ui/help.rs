@@ -1,4 +1,4 @@
-//! Help: every control, over the picture.
+//! Help: a list of all controls over the picture.
 
 use carom_text::text;
 use carom_window::theme;

@@ -1,4 +1,4 @@
-//! Interface over the picture, and what is done in a pass of it.
+//! User interface over the picture, and the steps of one pass of it.
 
 pub(crate) mod animation;
 pub(crate) mod help;
@@ -10,7 +10,7 @@ use egui::Ui;
 use crate::viewer::Viewer;
 
 impl Viewer {
-    /// Draws the interface and does what the person at it wants.
+    /// Runs a pass of the interface: handles input, draws, and passes the wanted state to the renderer.
     pub fn draw(&mut self, ui: &mut Ui, now_secs: f64, present: &str) {
         self.take_news(now_secs);
         self.press(ui);

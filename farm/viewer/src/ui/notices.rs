@@ -1,4 +1,4 @@
-//! Notices: what a person is told, and a line that says what is seen.
+//! Notices: messages, and a line about the current picture.
 
 use carom_farm::SCENE_FILES;
 use carom_text::text;
@@ -8,7 +8,7 @@ use egui::{Align2, Area, Context, Id, Order, Rect, RichText, Ui, Vec2};
 
 use crate::viewer::Viewer;
 
-/// Draws them in a part of the window.
+/// Draws the notices in a part of the window.
 pub(crate) fn show(
     ctx: &Context,
     room: Rect,
@@ -43,7 +43,7 @@ pub(crate) fn show(
     }
 }
 
-/// The file, and how far its picture is.
+/// A line with the file's name and its picture's progress.
 fn line(viewer: &Viewer, file: &str) -> String {
     let samples = viewer.picture.as_ref().filter(|picture| !picture.is_draft);
     match samples {
@@ -57,7 +57,7 @@ fn line(viewer: &Viewer, file: &str) -> String {
     }
 }
 
-/// What is read before anything else is done.
+/// Draws a card in the middle, for what must be read first.
 fn card(ctx: &Context, room: Rect, draw: impl FnOnce(&mut Ui)) {
     place(ctx, "view-card", room, Align2::CENTER_CENTER, |ui| {
         let frame = theme::frame().fill(theme::PANEL.to_opaque());
@@ -85,5 +85,5 @@ fn place(ctx: &Context, id: &str, room: Rect, at: Align2, draw: impl FnOnce(&mut
 }
 
 const CARD_WIDTH: f32 = 520.0;
-/// Between a notice and the window's edge.
+/// Distance of a notice from the window's edge in points.
 const GAP: f32 = 8.0;

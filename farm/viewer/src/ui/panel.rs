@@ -1,4 +1,4 @@
-//! Panel at the left: exposure, view, lights, and what is to be saved.
+//! Panel at the left: exposure, view, lights and saving.
 
 use carom_text::text;
 use carom_tracer::{ImageSize, RenderSettings, Shape};
@@ -15,14 +15,14 @@ use crate::save_form::{SaveForm, SaveKind};
 use crate::ui::animation;
 use crate::viewer::{STOPS_MAX, Viewer};
 
-/// Draws it at the left of a part of the window; what it leaves of that.
+/// Draws the panel at the left of `room`; returns the remaining part.
 pub(crate) fn show(ctx: &Context, room: Rect, viewer: &mut Viewer) -> Rect {
     let area = Area::new(Id::unique("view-panel"))
         .order(Order::Middle)
         .constrain_to(room)
         .fixed_pos(room.min + Vec2::splat(GAP));
     let shown = area.show(ctx, |ui| {
-        // An area is small until it is told otherwise.
+        // egui's default maximum height of an area is small.
         ui.set_max_height(room.height() - 2.0 * GAP - LINE_HEIGHT);
         theme::frame().show(ui, |ui| {
             ui.set_width(WIDTH.min(room.width() - 4.0 * GAP).max(GAP));
@@ -57,7 +57,7 @@ fn contents(ui: &mut Ui, viewer: &mut Viewer) {
         .text(text!("view-fov"))
         .suffix("°")
         .fixed_decimals(0)
-        // Shown, the scene's own is not rounded.
+        // Clamping only edits avoids rounding the scene's own value.
         .clamping(SliderClamping::Edits);
     if ui.add(slider).changed() {
         viewer.camera.set_fov_x_deg(fov_x_deg);
@@ -105,7 +105,7 @@ fn heading(ui: &mut Ui, viewer: &Viewer) {
     ui.label(RichText::new(contents).color(theme::FAINT).small());
 }
 
-/// A choice among the file's cameras and the free one.
+/// Draws the choice among the file's cameras and the free one.
 fn camera(ui: &mut Ui, viewer: &mut Viewer) {
     let cameras = viewer.file_cameras();
     if cameras.is_empty() {
@@ -159,7 +159,7 @@ fn lights(ui: &mut Ui, viewer: &mut Viewer) {
     }
     let lamps = document.file.scene().area_lights.iter();
     for (number, (lamp, is_on)) in lamps.zip(&mut viewer.lights.lamps).enumerate() {
-        // Names need not differ.
+        // Names of lamps may coincide.
         ui.push_id(number, |ui| ui.add(Checkbox::new(is_on, &lamp.name)));
     }
 }
@@ -231,7 +231,7 @@ fn save(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-/// The row of an animation's first and last frame.
+/// Draws the row of an animation's first and last frame.
 fn range(ui: &mut Ui, form: &mut SaveForm, duration_secs: f64) {
     let label = ui.label(text!("view-save-range"));
     let [mut first, mut last] = form.range_in(duration_secs);
@@ -247,7 +247,7 @@ fn range(ui: &mut Ui, form: &mut SaveForm, duration_secs: f64) {
     ui.end_row();
 }
 
-/// A row of the form.
+/// Draws a row with a number.
 fn number<Number: Numeric>(ui: &mut Ui, label: &str, value: &mut Number, max: Number) {
     let label = ui.label(label);
     let min = Number::from_f64(1.0);
@@ -263,17 +263,17 @@ fn section(ui: &mut Ui, title: &str, draw: impl FnOnce(&mut Ui)) {
 }
 
 const WIDTH: f32 = 270.0;
-/// Of the name of a file.
+/// Width of the file name's field.
 const FIELD_WIDTH: f32 = 180.0;
 const ROW_HEIGHT: f32 = 28.0;
-/// What the line at the bottom of the window takes.
+/// Height reserved for the line at the bottom of the window.
 const LINE_HEIGHT: f32 = 44.0;
-/// Above and below what is in the panel.
+/// Vertical margins of the panel's content.
 const FRAME_MARGIN: f32 = 20.0;
-/// Between the panel and the window's edge.
+/// Distance of the panel from the window's edge.
 const GAP: f32 = 8.0;
-/// The longest edge of a picture that a farm traces.
+/// Maximum edge of a picture that a farm traces.
 const EDGE_MAX: u32 = ImageSize::EDGE_MAX;
 const SAMPLES_MAX: u32 = RenderSettings::SAMPLES_MAX;
-/// Two minutes.
+/// Maximum frames of a turntable: two minutes.
 const FRAMES_MAX: u32 = 2880;

@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-/// Writes it: before a square of 2 m the first camera, `dolly`, goes 2 m along x in the 2 s of the animation `ride`; the
-/// second, `wide`, stays. The second animation, of 5 s, has no name and makes the square thrice as large.
+/// Writes the file. Its first camera, `dolly`, in front of a square of 2 m, moves 2 m along x in the 2 s of
+/// the animation `ride`; the second, `wide`, is fixed. The second animation, of 5 s, has no name and enlarges
+/// the square to three times its size.
 pub(crate) fn write(folder: &Path) -> PathBuf {
     let corners = [
         [-1.0, -1.0, 0.0],

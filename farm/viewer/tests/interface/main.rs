@@ -1,5 +1,5 @@
-//! The viewer's interface, as a person meets it: by its words, keys and pointer, and by how it looks. The
-//! tests take the renderer's part.
+//! Tests of the viewer's interface by its texts, keys and pointer, and by its appearance. The tests play the
+//! renderer's part.
 
 #[path = "../dolly/mod.rs"]
 mod dolly;
@@ -19,7 +19,7 @@ use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use glam::Vec3;
 use stage::{Stage, opened, scene, stage};
 
-/// In the picture, away from the panel.
+/// A point in the picture, outside the panel.
 const PLACE: Pos2 = pos2(800.0, 300.0);
 
 fn drag(stage: &mut Stage, button: PointerButton, modifiers: Modifiers, by: egui::Vec2) {
@@ -97,7 +97,7 @@ fn the_pointer_orbits_pans_looks_around_and_zooms() {
     let orbited = stage.camera();
     assert_eq!(orbited.target, home.target);
     assert!((orbited.eye.distance(orbited.target) - distance).abs() < 1e-4);
-    // The picture goes along with the pointer: the camera to the left and up.
+    // The picture follows the pointer, so the camera moves to the left and up.
     assert!(
         orbited.eye.x < home.eye.x - 0.5 && orbited.eye.z > home.eye.z + 0.1,
         "{orbited:?}"
@@ -155,7 +155,7 @@ fn held_keys_walk_until_they_are_released() {
     );
     stage.harness.run_steps(5);
     assert_eq!(stage.camera(), walked);
-    // Up is up in the world.
+    // Up is the world's up vector.
     stage.harness.key_down(Key::E);
     stage.harness.run_steps(3);
     stage.harness.key_up(Key::E);
@@ -271,7 +271,7 @@ fn a_still_is_ordered_told_of_cancelled_and_saved() {
     stage.post(|news| news.saving = Some(0.4));
     let bar = stage.harness.get_by_role(Role::ProgressIndicator);
     assert_eq!(bar.accesskit_node().numeric_value(), Some(40.0));
-    // There is no second at the same time.
+    // A second file is not saved at the same time.
     stage
         .harness
         .key_press_modifiers(Modifiers::COMMAND, Key::S);
@@ -393,7 +393,7 @@ fn an_animation_plays_stops_and_is_wound_by_keys_and_panel() {
     stage.harness.run_steps(5);
     let (_, playing) = time(&stage);
     assert!((0.3..1.5).contains(&playing), "{playing}");
-    // It begins again at its end.
+    // It starts again at its end.
     stage.harness.run_steps(22);
     assert!((0.0..2.0).contains(&time(&stage).1));
     stage.harness.get_by_label("Stop").click();
@@ -407,7 +407,7 @@ fn an_animation_plays_stops_and_is_wound_by_keys_and_panel() {
     assert!(stage.has("Time") && stage.has("Speed") && stage.has("ride"));
 }
 
-/// Whether the camera is where `dolly` is at the time that is shown.
+/// Whether the camera is at the position of `dolly` at the shown time.
 fn is_on_dolly(stage: &Stage) -> bool {
     let file = SceneFile::open(stage.folder.path().join("dolly.gltf")).unwrap();
     stage.camera() == file.camera(0, Some(time(stage))).unwrap()
@@ -423,7 +423,7 @@ fn the_view_rides_on_the_files_camera_until_it_is_moved_and_again_by_a_key() {
     }
     assert!(time(&stage).1 > 0.5);
     press(&mut stage, Key::Space);
-    // Wound, it is where it is then.
+    // After seeking, it is at the position of that time.
     let slider = stage.harness.get_by_role_and_label(Role::Slider, "Time");
     slider.focus();
     let before = time(&stage);
@@ -432,7 +432,7 @@ fn the_view_rides_on_the_files_camera_until_it_is_moved_and_again_by_a_key() {
     }
     assert_ne!(time(&stage), before);
     assert!(is_on_dolly(&stage));
-    // Moved, it stays though the animation goes on.
+    // Once moved, it stays although the animation continues.
     let by = egui::vec2(150.0, 40.0);
     drag(&mut stage, PointerButton::Primary, Modifiers::NONE, by);
     let moved = stage.camera();
@@ -478,7 +478,7 @@ fn a_camera_is_chosen_in_the_panel_and_the_free_one_stays_where_the_files_was() 
     stage.harness.run_steps(6);
     assert_eq!(stage.camera(), free);
     assert!(!is_on_dolly(&stage));
-    // A scene without cameras of a file has nothing to choose.
+    // A scene file without cameras offers no choice.
     stage.post(|news| news.opened = Some(opened(2, "hall.json", false)));
     assert!(!stage.has("Camera"));
     press(&mut stage, Key::C);
@@ -507,7 +507,7 @@ fn an_animation_is_ordered_frame_by_frame_through_the_camera_that_is_chosen() {
     let film = order(&mut stage, "Save animation");
     let placed = FrameCamera::Placed(stage.camera());
     assert!(film.views.iter().all(|view| view.camera == placed));
-    // A turntable is a film of one moment, and a still a picture of it.
+    // A turntable is a film of a single time, and a still one of its pictures.
     press(&mut stage, Key::Space);
     stage.harness.run_steps(4);
     press(&mut stage, Key::Space);

@@ -7,7 +7,7 @@ use carom_view::viewer::Viewer;
 use crate::looks::{Gpu, Look};
 use crate::stage::{opened, opened_dolly, viewer};
 
-/// A name, and what brings it about.
+/// Name of a picture, and the actions that lead to it.
 type Situation = (&'static str, fn(&mut Viewer));
 
 const SITUATIONS: [Situation; 6] = [

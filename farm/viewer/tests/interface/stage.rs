@@ -109,13 +109,13 @@ impl Stage {
         &mut self.harness.state_mut().viewer
     }
 
-    /// Takes the renderer's part.
+    /// Plays the renderer's part.
     pub(crate) fn post(&mut self, add: impl FnOnce(&mut News)) {
         self.harness.state().viewer.renderer().post(add);
         self.harness.run_steps(3);
     }
 
-    /// Shows a picture of so many samples.
+    /// Shows a picture with this number of samples.
     pub(crate) fn picture(&mut self, samples: u32, is_draft: bool) {
         let frame = DisplayFrame {
             serial: samples.into(),
@@ -148,7 +148,7 @@ impl Stage {
         SIZE
     }
 
-    /// All words on the screen.
+    /// All texts on the screen.
     pub(crate) fn texts(&self) -> Vec<String> {
         let nodes = self.harness.root().children_recursive();
         let words = |node: egui_kittest::Node<'_>| {

@@ -2,36 +2,36 @@
 
 use super::Present;
 
-/// A reason why a display cannot be opened, or can show nothing any more.
+/// Reason why a display cannot be opened or has stopped working.
 #[derive(Debug, thiserror::Error)]
 pub enum DisplayFault {
-    /// The window gives no surface.
+    /// No surface can be created for the window.
     #[error("no surface: {0}")]
     NoSurface(wgpu::CreateSurfaceError),
     /// No adapter can draw on the surface.
     #[error("no adapter: {0}")]
     NoAdapter(wgpu::RequestAdapterError),
-    /// The adapter gives no device.
+    /// The adapter provides no device.
     #[error("no device: {0}")]
     NoDevice(wgpu::RequestDeviceError),
     /// The adapter and the surface have no format in common.
     #[error("the adapter cannot show this window")]
     NoFormat,
-    /// A lost surface cannot be made again.
+    /// A lost surface cannot be created again.
     #[error("the surface was lost: {0}")]
     SurfaceLost(wgpu::CreateSurfaceError),
     /// The surface has refused too many frames in a row.
     #[error("the surface {0}")]
     Refused(&'static str),
-    /// The window's memory cannot be had or shown.
+    /// The window's buffer cannot be allocated or presented.
     #[error("{0}")]
     Memory(#[from] softbuffer::SoftBufferError),
-    /// A way of presenting that was tried.
+    /// A presentation that was tried.
     #[error("{}: {fault}", way.words())]
     Way {
-        /// The way.
+        /// The presentation.
         way: Present,
-        /// Why it does not work.
+        /// The reason why it does not work.
         fault: Box<DisplayFault>,
     },
 }

@@ -1,4 +1,4 @@
-//! The window through wgpu: one pass with the picture as a texture and egui's triangles over it.
+//! Presentation through wgpu: one pass with the picture as a texture and egui's triangles over it.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use winit::window::Window;
 
 use super::{DisplayFault, DisplayFrame, UiFrame};
 
-/// A window's surface and what is drawn on it.
+/// Display of a window through a GPU.
 pub struct GpuDisplay {
     window: Arc<Window>,
     instance: wgpu::Instance,
@@ -59,7 +59,7 @@ impl GpuDisplay {
         })
     }
 
-    /// Follows the window's size.
+    /// Reconfigures the surface for the window's new size.
     pub fn resize(&mut self, size: ImageSize) {
         let edge_max = self.device.limits().max_texture_dimension_2d;
         self.config.width = size.width.min(edge_max);
@@ -67,15 +67,16 @@ impl GpuDisplay {
         self.configure();
     }
 
-    /// Draws and shows a frame.
+    /// Draws and presents a frame.
     ///
     /// # Errors
-    /// After `FAILURES_MAX` frames in a row that the surface refused.
+    /// If the surface has refused more than `FAILURES_MAX` frames in a row.
     pub fn show(
         &mut self,
         picture: Option<&DisplayFrame>,
         ui: &UiFrame,
     ) -> Result<(), DisplayFault> {
+        // Applied even if the frame is skipped: egui sends each change of a texture once.
         for (id, images) in &ui.textures.set {
             for image in images {
                 self.egui
@@ -89,7 +90,7 @@ impl GpuDisplay {
         shown
     }
 
-    /// Adapter and interface.
+    /// Name of the adapter and graphics interface.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -156,14 +157,14 @@ impl GpuDisplay {
         self.egui.render(&mut pass, &ui.primitives, screen);
     }
 
-    /// The surface's next texture; nothing if it has none at the moment.
+    /// The surface's next texture; `None` if it has none at the moment.
     fn acquire(&mut self) -> Result<Option<wgpu::SurfaceTexture>, DisplayFault> {
         let reason = match self.surface.get_current_texture() {
             Current::Success(frame) | Current::Suboptimal(frame) => {
                 self.failures = 0;
                 return Ok(Some(frame));
             }
-            // The window is hidden or busy: that is no failure, however long it lasts.
+            // The window is hidden or busy, which is no failure however long it lasts.
             Current::Timeout | Current::Occluded => return Ok(None),
             Current::Outdated => text!("surface-outdated"),
             Current::Lost => {
@@ -190,7 +191,7 @@ impl GpuDisplay {
     }
 }
 
-/// The picture as a texture, and the pipeline that stretches it over the window.
+/// Render pass that stretches the picture, a texture, over the window.
 struct PicturePass {
     pipeline: wgpu::RenderPipeline,
     sampler: wgpu::Sampler,
@@ -209,6 +210,7 @@ impl PicturePass {
             label: Some("picture"),
             source: wgpu::ShaderSource::Wgsl(include_str!("picture.wgsl").into()),
         });
+        // An sRGB format encodes on writing, so the shader has to decode the picture's bytes.
         let entry = if format.is_srgb() {
             "show_decoded"
         } else {
@@ -330,6 +332,7 @@ async fn request_device(
     let (device, queue) = adapter
         .request_device(&wgpu::DeviceDescriptor {
             label: Some("window"),
+            // The limits of WebGL 2 suffice, so that old GPUs work; only the texture size is the adapter's.
             required_limits: wgpu::Limits::downlevel_webgl2_defaults()
                 .using_resolution(adapter.limits()),
             memory_hints: wgpu::MemoryHints::MemoryUsage,
@@ -350,7 +353,7 @@ fn configuration(
     let mut config = surface
         .get_default_config(adapter, 1, 1)
         .ok_or(DisplayFault::NoFormat)?;
-    // egui blends encoded values, so a format that does not encode by itself suits it best.
+    // egui blends sRGB-encoded values, for which a format that does not encode on writing suits best.
     let formats = surface.get_capabilities(adapter).formats;
     if let Some(format) = formats.into_iter().find(|format| {
         matches!(
@@ -364,7 +367,7 @@ fn configuration(
     Ok(config)
 }
 
-/// Frames in a row that a surface may refuse before another way of showing is tried.
+/// Frames in a row that a surface may refuse before another presentation is tried.
 const FAILURES_MAX: u32 = 30;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Display of a frame and the interface in the window: through a GPU, or without one.
+//! Display of a picture and the interface in a window: through a GPU or in software.
 
 mod fault;
 pub mod gpu;
@@ -18,32 +18,32 @@ pub use fault::DisplayFault;
 pub use gpu::GpuDisplay;
 pub use software::SoftwareDisplay;
 
-/// A picture to show, stretched over the whole window.
+/// Picture to be shown, stretched over the whole window.
 #[derive(Clone, Debug)]
 pub struct DisplayFrame {
-    /// Differs for each picture.
+    /// Number that differs for each picture.
     pub serial: u64,
-    /// Pixels across and down.
+    /// Its size in pixels.
     pub size: ImageSize,
-    /// sRGB and 255, row-major from the top left.
+    /// Pixels in sRGB with alpha 255, row-major from the top left.
     pub rgba: Vec<[u8; 4]>,
-    /// What it was taken of.
+    /// The scene update that the picture shows.
     pub update: SceneUpdate,
 }
 
-/// What egui wants on the screen.
+/// Output of egui to be drawn.
 pub struct UiFrame {
-    /// Textures to take in before and to drop after drawing.
+    /// Textures to update before drawing and to free after it.
     pub textures: TexturesDelta,
-    /// Triangles in points.
+    /// Triangles, with positions in points.
     pub primitives: Vec<ClippedPrimitive>,
-    /// Pixels of a point.
+    /// Pixels per point.
     pub pixels_per_point: f32,
 }
 
 impl Drop for UiFrame {
     fn drop(&mut self) {
-        // egui insists in debug builds that deltas are taken in; each display has done so by now.
+        // egui asserts in debug builds that deltas are applied; each display has done so by now.
         self.textures.clear();
     }
 }
@@ -61,18 +61,18 @@ pub enum Present {
 
 /// An open window's screen.
 pub enum Display {
-    /// Through a GPU.
+    /// Drawing on a GPU.
     Gpu(Box<GpuDisplay>),
-    /// Without one.
+    /// Drawing on the CPU.
     Software(Box<SoftwareDisplay>),
 }
 
 impl Display {
-    /// Opens the first way that works, in the order Vulkan, OpenGL, software; or the one that is
-    /// `forced`.
+    /// Opens the first presentation that works, in the order Vulkan, OpenGL, software; or only the one that
+    /// is `forced`.
     ///
     /// # Errors
-    /// Each way that was tried, with its reason.
+    /// Each presentation that was tried, with its reason.
     pub fn open(
         window: &Arc<Window>,
         display: &OwnedDisplayHandle,
@@ -102,7 +102,7 @@ impl Display {
         Err(tried)
     }
 
-    /// Follows the window's size; a size of 0 shows nothing.
+    /// Adapts to the window's size; nothing is drawn on a size of 0.
     pub fn resize(&mut self, size: ImageSize) {
         match self {
             Self::Gpu(display) => display.resize(size),
@@ -110,11 +110,11 @@ impl Display {
         }
     }
 
-    /// Draws and shows a frame: the picture, and the user interface over it. A frame that the
-    /// window cannot take at the moment is left out.
+    /// Draws and presents a frame: the picture, and the user interface over it. The frame is skipped if the
+    /// window cannot accept it at the moment.
     ///
     /// # Errors
-    /// Why this display can show nothing any more.
+    /// The reason why this display has stopped working.
     pub fn show(
         &mut self,
         picture: Option<&DisplayFrame>,
@@ -126,7 +126,7 @@ impl Display {
         }
     }
 
-    /// For people.
+    /// The display's name for the user.
     pub fn name(&self) -> &str {
         match self {
             Self::Gpu(display) => display.name(),
@@ -134,7 +134,7 @@ impl Display {
         }
     }
 
-    /// Whether the window already is drawn without a GPU.
+    /// Whether the window is drawn without a GPU.
     pub fn is_software(&self) -> bool {
         matches!(self, Self::Software(_))
     }

@@ -1,20 +1,20 @@
-//! Textured triangles on the CPU: what shows the user interface where there is no GPU at all.
+//! Rasteriser of textured triangles on the CPU, which draws the user interface without a GPU.
 //!
-//! Colours are sRGB bytes with premultiplied alpha and are blended as they are, which is how egui
-//! means them. Triangles that share an edge touch each pixel on it once (top-left rule), so that
-//! half-transparent shapes have no seams.
+//! Colours are sRGB bytes with premultiplied alpha and are blended without decoding, as egui expects.
+//! Triangles that share an edge cover each pixel on it once (top-left rule), so that semi-transparent
+//! shapes have no seams.
 
 use std::collections::HashMap;
 
 use egui::epaint::{ClippedPrimitive, ImageData, ImageDelta, Mesh, Primitive, Vertex};
 use egui::{Color32, Pos2, Rect, TextureFilter, TextureId, TexturesDelta};
 
-/// A picture of 0RGB words, row-major from the top left.
+/// Image of 0RGB words, row-major from the top left.
 #[derive(Debug)]
 pub struct Canvas<'a> {
-    /// Columns.
+    /// Width in pixels.
     pub width: usize,
-    /// The pixels: a multiple of `width` of them.
+    /// The pixels; their number is a multiple of `width`.
     pub pixels: &'a mut [u32],
 }
 
@@ -24,14 +24,14 @@ impl Canvas<'_> {
     }
 }
 
-/// Draws egui's output; keeps its textures.
+/// Rasteriser of egui's output, with its textures.
 #[derive(Debug, Default)]
 pub struct Rasterizer {
     textures: HashMap<TextureId, RasterTexture>,
 }
 
 impl Rasterizer {
-    /// Takes in new and changed textures.
+    /// Creates and updates textures.
     pub fn set_textures(&mut self, delta: &TexturesDelta) {
         for (id, images) in &delta.set {
             for image in images {
@@ -40,14 +40,14 @@ impl Rasterizer {
         }
     }
 
-    /// Drops the textures that egui does not need after this frame.
+    /// Frees the textures that egui does not need after this frame.
     pub fn free_textures(&mut self, delta: &TexturesDelta) {
         for id in &delta.free {
             self.textures.remove(id);
         }
     }
 
-    /// Draws `primitives`, whose positions are points of `pixels_per_point` pixels.
+    /// Draws `primitives`, whose positions are in points of `pixels_per_point` pixels.
     pub fn draw(
         &self,
         canvas: &mut Canvas<'_>,
@@ -84,6 +84,7 @@ impl Rasterizer {
             self.textures.insert(id, texture);
             return;
         };
+        // With a position, part of an existing texture is updated.
         let Some(texture) = self.textures.get_mut(&id) else {
             return;
         };
@@ -130,7 +131,7 @@ impl RasterTexture {
     }
 }
 
-/// Pixels that may be touched: columns and rows, the ends excluded.
+/// Clip rectangle in pixels: columns and rows, the ends excluded.
 #[derive(Clone, Copy)]
 struct ClipRect {
     x: [i32; 2],
@@ -162,7 +163,7 @@ fn draw_mesh(
             vertex.pos = (vertex.pos.to_vec2() * pixels_per_point).to_pos2();
             vertex
         });
-        // Either winding is drawn; the walk below wants one of them.
+        // Both windings are drawn; the edge functions below assume the clockwise one.
         let area = cross(a.pos, b.pos, c.pos);
         if area > 0.0 {
             draw_triangle(canvas, [a, b, c], area, texture, clip);
@@ -191,6 +192,8 @@ fn draw_triangle(
     for y in bounds(|p| p.y, clip.y) {
         for x in bounds(|p| p.x, clip.x) {
             let center = Pos2::new(x as f32 + 0.5, y as f32 + 0.5);
+            // Edge functions (Pineda, SIGGRAPH 1988): all are positive inside, and divided by `area`, which
+            // is twice the triangle's, they are the barycentric coordinates.
             let weights = edges.map(|(from, to)| cross(from, to, center));
             let inside = |i: usize| weights[i] > 0.0 || (weights[i] == 0.0 && owns(edges[i]));
             if inside(0) && inside(1) && inside(2) {
@@ -202,22 +205,22 @@ fn draw_triangle(
     }
 }
 
-/// Whether a triangle owns the pixels exactly on this edge: a top or a left one.
+/// Whether a triangle owns the pixel centres exactly on this edge, which is so for a top or left edge.
 fn owns((from, to): (Pos2, Pos2)) -> bool {
     to.y < from.y || (to.y == from.y && to.x > from.x)
 }
 
-/// Twice the signed area of a triangle; positive if it runs clockwise on the screen.
+/// Twice the signed area of a triangle; positive if its corners are clockwise on the screen.
 fn cross(a: Pos2, b: Pos2, c: Pos2) -> f32 {
     (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)
 }
 
-/// What a triangle's pixels are coloured with.
+/// Colours and texture of a triangle's pixels.
 struct RasterPaint<'a> {
     colors: [[f32; 4]; 3],
     uvs: [Pos2; 3],
     texture: &'a RasterTexture,
-    /// The texel under all of it, if it is but one: all of egui's shapes but its text.
+    /// The texel of the whole triangle, if its corners share one: in all of egui's shapes but text.
     texel: Option<[f32; 4]>,
 }
 
@@ -233,7 +236,7 @@ impl<'a> RasterPaint<'a> {
         }
     }
 
-    /// Premultiplied colour, 0 to 255, at barycentric `weights`.
+    /// Premultiplied colour, 0 to 255, at barycentric coordinates `weights`.
     fn at(&self, weights: [f32; 3]) -> [f32; 4] {
         let texel = self.texel.unwrap_or_else(|| {
             let mix = |axis: fn(Pos2) -> f32| (0..3).map(|i| axis(self.uvs[i]) * weights[i]).sum();
@@ -247,6 +250,7 @@ impl<'a> RasterPaint<'a> {
 }
 
 fn over(below: u32, source: [f32; 4]) -> u32 {
+    // Source-over compositing of premultiplied colours (Porter and Duff, SIGGRAPH 1984).
     let rest = 1.0 - source[3] / 255.0;
     let channel = |shift: u32, source: f32| {
         let below = (below >> shift & 0xFF) as f32;
@@ -327,7 +331,7 @@ mod tests {
 
     #[test]
     fn triangles_of_a_fan_touch_each_pixel_once() {
-        // Corners and centre at odd places, so that edges cross pixel centres or miss them.
+        // Corners and centre at fractional positions, so that some edges pass through pixel centres.
         let rim: [[f32; 2]; 6] = [
             [0.5, 0.5],
             [4.5, 0.5],

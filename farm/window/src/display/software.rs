@@ -1,4 +1,4 @@
-//! The window without any GPU: the picture is scaled and the user interface drawn by the CPU.
+//! Presentation without a GPU: the CPU scales the picture and draws the user interface.
 
 use std::num::NonZeroU32;
 use std::sync::Arc;
@@ -10,18 +10,18 @@ use winit::window::Window;
 use super::raster::{Canvas, Rasterizer};
 use super::{DisplayFault, DisplayFrame, UiFrame};
 
-/// A window's pixels in memory.
+/// Display of a window through a buffer in memory.
 pub struct SoftwareDisplay {
     surface: softbuffer::Surface<OwnedDisplayHandle, Arc<Window>>,
     size: ImageSize,
     rasterizer: Rasterizer,
-    /// The picture at the window's size, and which picture and size it is of.
+    /// The picture scaled to the window's size, and the serial number and size for which it was made.
     scaled: Vec<u32>,
     scaled_of: Option<(u64, ImageSize)>,
 }
 
 impl SoftwareDisplay {
-    /// Opens the window's memory.
+    /// Opens the window's buffer.
     ///
     /// # Errors
     /// The system's reason.
@@ -37,12 +37,12 @@ impl SoftwareDisplay {
         })
     }
 
-    /// Follows the window's size.
+    /// Adapts to the window's size.
     pub fn resize(&mut self, size: ImageSize) {
         self.size = size;
     }
 
-    /// Draws and shows a frame.
+    /// Draws and presents a frame.
     ///
     /// # Errors
     /// The system's reason.
@@ -96,7 +96,8 @@ impl SoftwareDisplay {
     }
 }
 
-/// Stretches `picture` to `size` with linear filtering between pixel centres, as a GPU does.
+/// Scales `picture` to `size` with bilinear filtering between pixel centres, as a GPU does; writes 0RGB
+/// words.
 pub fn scale_linear(picture: &DisplayFrame, size: ImageSize, out: &mut Vec<u32>) {
     out.clear();
     let columns = taps(picture.size.width, size.width);
@@ -105,6 +106,7 @@ pub fn scale_linear(picture: &DisplayFrame, size: ImageSize, out: &mut Vec<u32>)
         let (upper, lower) = (row(top), row(bottom));
         out.extend(columns.iter().map(|&(left, right, fx)| {
             let channel = |i: usize| {
+                // Weights of 8 fractional bits in each direction: their products have 16, rounded at the end.
                 let mix = |row: &[[u8; 4]]| {
                     u32::from(row[left][i]) * (256 - fx) + u32::from(row[right][i]) * fx
                 };
@@ -115,7 +117,7 @@ pub fn scale_linear(picture: &DisplayFrame, size: ImageSize, out: &mut Vec<u32>)
     }
 }
 
-/// For each of `to` pixels the two of `from` it lies between, and the second's share of 256.
+/// For each of `to` pixels the two of `from` between whose centres it lies, and the second's weight of 256.
 fn taps(from: u32, to: u32) -> Vec<(usize, usize, u32)> {
     let last = f64::from(from) - 1.0;
     (0..to)

@@ -1,4 +1,4 @@
-//! Curves over the last pictures, each with a scale that says its top.
+//! Charts of the last pictures: curves over a scale that is labelled with its maximum.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use super::palette;
 use super::value_label::{explained, marked, ms};
 use crate::theme::{FAINT, INK};
 
-/// The tops of the charts' scales; they do not follow every spike down at once.
+/// Upper ends of the charts' scales, with hysteresis, so that they do not follow every spike.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Scales {
     makespan: Scale,
@@ -25,7 +25,7 @@ struct Scale {
 }
 
 impl Scale {
-    /// A round number above `highest`; it falls only when less than a third of it is used.
+    /// A round number above `highest`; it only falls when less than a third of it is used.
     fn over(&mut self, highest: f32) -> f32 {
         let needed = round_up(highest * 1.05);
         if needed > self.top || needed * 3.0 < self.top {
@@ -35,7 +35,7 @@ impl Scale {
     }
 }
 
-/// The next of 1, 2, 5, 10, 20, ... times a power of ten.
+/// The next larger of 1, 2, 5 and 10 times a power of ten.
 fn round_up(value: f32) -> f32 {
     let value = value.max(1e-3);
     let decade = 10f32.powf(value.log10().floor());
@@ -46,14 +46,14 @@ fn round_up(value: f32) -> f32 {
         .unwrap_or(10.0 * decade)
 }
 
-/// A curve.
+/// Curve of a quantity over the pictures.
 struct Curve<'a> {
     term: &'a Term,
     color: Color32,
     values: Vec<f32>,
 }
 
-/// A chart: curves over a scale from 0 to `top`, in `unit`.
+/// Chart of curves over a scale from 0 to `top`, in `unit`.
 struct Chart<'a> {
     top: f32,
     unit: &'a str,
@@ -62,7 +62,7 @@ struct Chart<'a> {
 }
 
 impl Scales {
-    /// Draws the charts of pictures; the place in `records` of one that is pressed.
+    /// Draws the charts of `records`; returns the index of the record that was clicked.
     pub(super) fn show(
         &mut self,
         ui: &mut Ui,
@@ -126,7 +126,7 @@ impl Scales {
         pressed
     }
 
-    /// Draws the times between redraws, with the budget as a line.
+    /// Draws the intervals between redraws, with the budget as a line.
     pub(super) fn redraws(&mut self, ui: &mut Ui, intervals_ms: Vec<f32>, budget_ms: f32) {
         let curves = [Curve {
             term: &terms::REDRAWS,
@@ -179,7 +179,7 @@ impl Chart<'_> {
     }
 }
 
-/// Where the way of dividing changed, with its name, and which picture is inspected.
+/// Marks where the balancing changed, with its new name, and which picture is inspected.
 fn marks(ui: &Ui, rect: Rect, records: &[&Arc<FrameRecord>], inspected: u64) {
     let painter = ui.painter().with_clip_rect(rect);
     let count = records.len();
@@ -189,7 +189,7 @@ fn marks(ui: &Ui, rect: Rect, records: &[&Arc<FrameRecord>], inspected: u64) {
             painter.vline(x, rect.y_range(), Stroke::new(1.0, INK));
             let name = pair[1].balancing.to_string();
             let name = painter.layout_no_wrap(name, FontId::monospace(10.0), INK);
-            // Over the line where the chart ends before the name would.
+            // Left of the line if the chart ends before the name would.
             let left = (x + 3.0).min(rect.right() - name.size().x);
             let at = Pos2::new(left, rect.bottom() - 1.0 - name.size().y);
             painter.galley(at, name, INK);
@@ -206,7 +206,7 @@ fn marks(ui: &Ui, rect: Rect, records: &[&Arc<FrameRecord>], inspected: u64) {
     }
 }
 
-/// The times of the last pictures, small enough for a line.
+/// Draws the times of the last pictures as a small curve inside a line of text.
 pub(super) fn sparkline(ui: &mut Ui, values: &[f32]) {
     let (rect, response) = ui.allocate_exact_size(Vec2::new(60.0, 12.0), Sense::hover());
     let top = values.iter().copied().fold(1e-3, f32::max);
@@ -259,7 +259,7 @@ fn place_at(at: Pos2, rect: Rect, count: usize) -> Option<usize> {
     (count > 0).then(|| place.min(count - 1))
 }
 
-/// Pictures that a chart shows: about one for each of its points.
+/// Number of pictures in a chart: about one per point of its width.
 pub(super) const PICTURES: usize = 240;
 const HEIGHT: f32 = 54.0;
 

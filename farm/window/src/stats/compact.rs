@@ -1,4 +1,4 @@
-//! The rest of the second level: rates, and where the last picture's time went.
+//! Remaining figures of the second level: rates, and the latency breakdown of the last picture.
 
 use carom_farm::LatencySplit;
 use carom_text::text;
@@ -9,7 +9,7 @@ use super::summary::StatsSummary;
 use super::value_label::{figure, figure_or_alarm, in_ms, marked, ms, percent};
 use super::{StatsInput, palette};
 
-/// Draws the figures that the line has no room for.
+/// Draws the figures for which the line has no room.
 pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, input: &StatsInput<'_>) {
     let rates = &summary.rates;
     ui.horizontal_wrapped(|ui| {
@@ -42,7 +42,7 @@ pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, input: &StatsInput<'_>) 
     ui.label(RichText::new(summary.diagnosis()).strong());
 }
 
-/// A bar of the six stages, and their names and times under it.
+/// Draws a bar of the six stages, with their names and times below.
 fn critical_path(ui: &mut Ui, split: &LatencySplit) {
     let stages = terms::stages(split);
     let sum: f64 = stages.iter().map(|(_, secs)| secs).sum();

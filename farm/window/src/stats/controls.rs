@@ -1,5 +1,4 @@
-//! Controls beside the running charts: how pictures are divided, which map is over the picture,
-//! and whether the charts stand still.
+//! Controls beside the charts: balancing, the map over the picture, freezing of the charts, quality.
 
 use carom_farm::quality::{QUALITY_LEVELS, QualityPreference};
 use carom_farm::{Algorithm, Balancing, Distribution};
@@ -13,7 +12,7 @@ use super::value_label::{figure, in_ms, ms, percent};
 use super::{Stats, StatsCommand, StatsInput, StatsLevel, palette};
 use crate::theme;
 
-/// Algorithm, map, freeze, and what the recording does.
+/// Draws the controls of balancing, map and freezing, and the state of the recording.
 pub(super) fn show(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
     ui.horizontal_wrapped(|ui| {
         balancing(ui, stats, input.balancing);
@@ -164,7 +163,7 @@ fn recording(ui: &mut Ui, recorder: &Recorder) {
     });
 }
 
-/// What each way of dividing that has been used has reached.
+/// Draws the results of each balancing that has been used.
 pub(super) fn tallies(ui: &mut Ui, stats: &Stats) {
     for tally in stats.history.tallies() {
         ui.horizontal_wrapped(|ui| {
@@ -180,8 +179,8 @@ pub(super) fn tallies(ui: &mut Ui, stats: &Stats) {
     }
 }
 
-/// The quality preference, and its stops: what each costs here; `carom-bench quality`
-/// measures how far each is from the truth.
+/// Draws the quality preference and the levels with their cost on this farm; `carom-bench quality` measures
+/// the error of each.
 pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
     let mut wanted = input.preference;
     ui.horizontal(|ui| {

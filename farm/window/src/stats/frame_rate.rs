@@ -1,33 +1,33 @@
-//! Frame rate of the window, and the times of its slowest frames.
+//! Frame rate of the window, and percentiles of its slowest frames.
 
 use std::collections::VecDeque;
 
-/// Times between redraws of the window while something moves.
+/// Recorder of the intervals between redraws of the window while something moves.
 #[derive(Debug, Default)]
 pub struct FrameRate {
     last: Option<(f64, bool)>,
     intervals_secs: VecDeque<f64>,
 }
 
-/// Redraws a second.
+/// Rates in redraws per second.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rates {
-    /// Of the last quarter of a second.
+    /// Over the last quarter of a second.
     pub now: f64,
-    /// Of all that is kept.
+    /// Over all recorded intervals.
     pub mean: f64,
-    /// That of the slowest in a hundred.
+    /// The rate of the interval that the slowest hundredth exceeds.
     pub low_1_percent: f64,
-    /// That of the slowest in a thousand.
+    /// The rate of the interval that the slowest thousandth exceeds.
     pub low_01_percent: f64,
 }
 
 impl FrameRate {
-    /// Intervals that are kept.
+    /// Maximum number of recorded intervals.
     pub const INTERVALS_MAX: usize = 1000;
 
-    /// Notes a redraw; `moves` says that something has moved since the one before. Pauses in which
-    /// nothing moves are no slow frames.
+    /// Records a redraw; `moves` states that something has moved since the previous one. Pauses without
+    /// motion are not counted as slow frames.
     pub fn note(&mut self, now_secs: f64, moves: bool) {
         let last = self.last.replace((now_secs, moves));
         let Some((last_secs, true)) = last else {
@@ -43,12 +43,12 @@ impl FrameRate {
         self.intervals_secs.push_back(secs);
     }
 
-    /// From the oldest to the newest, seconds.
+    /// The recorded intervals in seconds, the oldest first.
     pub fn intervals_secs(&self) -> &VecDeque<f64> {
         &self.intervals_secs
     }
 
-    /// Zeros before the first interval.
+    /// The present rates; 0 before the first interval.
     pub fn rates(&self) -> Rates {
         let count = self.intervals_secs.len();
         if count == 0 {
@@ -75,7 +75,7 @@ impl FrameRate {
     }
 }
 
-/// What takes longer was a pause.
+/// Longer intervals are pauses.
 const PAUSE_SECS: f64 = 1.0;
 const NOW_SECS: f64 = 0.25;
 
@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn lows_are_the_rates_of_the_slowest_frames() {
-        // Of a thousand frames, twenty take 40 ms, two of them 100.
+        // Of a thousand frames, eighteen take 40 ms and two 100 ms.
         let secs = |i: usize| match i {
             250 | 750 => 0.1,
             i if i % 50 == 0 => 0.04,

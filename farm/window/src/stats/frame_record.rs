@@ -1,4 +1,4 @@
-//! Records of finished frames, as the history keeps them and recordings write them.
+//! Records of finished pictures, which the history keeps and recordings write.
 
 use std::sync::Arc;
 
@@ -6,110 +6,110 @@ use carom_farm::{Balancing, Delivery, FrameStats, LatencySplit, NodeStatus};
 use carom_tracer::ImageSize;
 use serde::Serialize;
 
-/// A finished picture as it came from the farm.
+/// A finished picture as received from the farm.
 #[derive(Debug)]
 pub struct FrameSample<'a> {
     /// Its number.
     pub frame: u64,
-    /// When it was taken from the farm, seconds since the program began.
+    /// Time when it was received, in seconds since the program began.
     pub at_secs: f64,
-    /// Its pixels.
+    /// Its size in pixels.
     pub size: ImageSize,
-    /// Paths per pixel.
+    /// Samples per pixel.
     pub samples: u32,
-    /// How it was made.
+    /// Statistics of its tracing.
     pub stats: FrameStats,
-    /// The nodes at that time.
+    /// Status of the nodes at that time.
     pub nodes: &'a [NodeStatus],
 }
 
-/// How a picture was made. Times are seconds from its submission.
+/// Record of how a picture was traced. Times are in seconds since its submission, unless stated otherwise.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameRecord {
     /// Its number.
     pub frame: u64,
-    /// When it was taken from the farm, seconds since the program began.
+    /// Time when it was received, in seconds since the program began.
     pub at_secs: f64,
-    /// Pixels across.
+    /// Width in pixels.
     pub width: u32,
-    /// Pixels down.
+    /// Height in pixels.
     pub height: u32,
-    /// Paths per pixel.
+    /// Samples per pixel.
     pub samples: u32,
-    /// How its tiles were divided.
+    /// The balancing that distributed its tiles.
     pub balancing: Balancing,
-    /// When the last tile came.
+    /// Time of arrival of the last tile.
     pub makespan_secs: f64,
-    /// When it would have come, had all nodes ended together.
+    /// The same if all nodes had finished simultaneously.
     pub ideal_secs: f64,
-    /// The node whose tile came last, by index.
+    /// Index of the node whose tile came last.
     pub straggler: Option<usize>,
-    /// Bytes of its pixels as they crossed the link.
+    /// Bytes of its pixels on the wire.
     pub payload_bytes: u64,
-    /// The same before they were encoded.
+    /// Bytes of its pixels before encoding.
     pub raw_bytes: u64,
-    /// Tiles that were asked for again.
+    /// Tiles that were requested again.
     pub reissued_tiles: u32,
-    /// Of those, the ones whose node was lost, refused them or fell silent.
+    /// Of those, the ones whose node was lost, refused them or timed out.
     pub lost_tiles: u32,
-    /// Tiles that came twice.
+    /// Tiles that arrived twice.
     pub duplicate_tiles: u32,
-    /// Samples that were not finite.
+    /// Samples that were not finite and count as black.
     pub dropped_samples: u64,
-    /// By index.
+    /// Contributions of the nodes, by index.
     pub nodes: Vec<NodeRecord>,
-    /// What maps and Gantt chart are drawn from; dropped from older pictures.
+    /// Data for maps and Gantt chart; dropped from older pictures.
     #[serde(skip)]
     pub detail: Option<Detail>,
 }
 
-/// What a node did for a picture, and what was known of it.
+/// Contribution of a node to a picture, and the balancer's estimates of it.
 #[derive(Clone, Debug, Serialize)]
 pub struct NodeRecord {
-    /// What it is called: its name, or its address.
+    /// Its name, or else its address.
     #[serde(serialize_with = "text")]
     pub name: Arc<str>,
-    /// Tiles that came from it.
+    /// Tiles that it delivered.
     pub tiles: u32,
-    /// Of the picture's work, 0 to 1.
+    /// Share of the picture's work, 0 to 1.
     pub share: f64,
-    /// When its last tile came; 0 if it took no part.
+    /// Time of its last tile's arrival; 0 if it took no part.
     pub response_secs: f64,
-    /// When that was expected.
+    /// Predicted time of its last tile's arrival.
     pub predicted_secs: Option<f64>,
-    /// How long it was busy, by its own clock.
+    /// Time for which it was busy, by its own clock.
     pub busy_secs: f64,
-    /// Where the time of its last tile went.
+    /// Latency breakdown of its last tile.
     pub split: LatencySplit,
-    /// Bytes of its pixels.
+    /// Bytes of its pixels on the wire.
     pub payload_bytes: u64,
-    /// Tiles that came well after their prediction.
+    /// Tiles that arrived well after their prediction.
     pub late_tiles: u32,
-    /// Tiles that another node had brought before.
+    /// Tiles that another node had delivered before.
     pub duplicate_tiles: u32,
-    /// A, seconds.
+    /// Estimated fixed cost of a request, A, in seconds.
     pub fixed_secs: f64,
-    /// Its standard error.
+    /// Standard error of A in seconds.
     pub fixed_error_secs: f64,
-    /// 1/B, millions of samples per second; 0 while it is not known.
+    /// Estimated speed, 1/B, in millions of samples per second; 0 while unknown.
     pub msamples_per_sec: f64,
-    /// Its standard error, as a share.
+    /// Standard error of the speed, as a share of it.
     pub speed_error: f64,
 }
 
-/// What maps and Gantt chart are drawn from.
+/// Data for maps and Gantt chart.
 #[derive(Clone, Debug)]
 pub struct Detail {
-    /// Pixels along the edge of a tile.
+    /// Edge of a tile in pixels.
     pub tile_edge: u16,
     /// Predicted work of each tile.
     pub tile_work: Vec<f32>,
-    /// All that came.
+    /// All tile messages that arrived.
     pub deliveries: Vec<Delivery>,
 }
 
 impl FrameRecord {
-    /// Of a picture whose nodes are called `names`.
+    /// The record of a picture; `names` are those of its nodes.
     pub fn new(seen: FrameSample<'_>, names: &[Arc<str>]) -> Self {
         let stats = seen.stats;
         let efforts = stats.efforts();
@@ -158,7 +158,7 @@ impl FrameRecord {
         }
     }
 
-    /// The ideal makespan over the real one, 0 to 1.
+    /// Ratio of the ideal makespan to the actual one, 0 to 1.
     pub fn efficiency(&self) -> f64 {
         if self.makespan_secs > 0.0 {
             self.ideal_secs / self.makespan_secs
@@ -167,7 +167,7 @@ impl FrameRecord {
         }
     }
 
-    /// The nodes that took part.
+    /// The nodes that took part, with their indices.
     pub fn took_part(&self) -> impl Iterator<Item = (usize, &NodeRecord)> {
         self.nodes
             .iter()
@@ -175,8 +175,7 @@ impl FrameRecord {
             .filter(|(_, node)| node.tiles > 0)
     }
 
-    /// How long the nodes that took part had nothing to do at the end, on average, as a share of the
-    /// makespan.
+    /// Mean idle time at the end of the nodes that took part, as a share of the makespan.
     pub fn idle(&self) -> f64 {
         let idle = |(_, node): (usize, &NodeRecord)| self.makespan_secs - node.response_secs;
         let count = self.took_part().count();
@@ -186,7 +185,7 @@ impl FrameRecord {
         self.took_part().map(idle).sum::<f64>() / (count as f64 * self.makespan_secs)
     }
 
-    /// Mean and standard deviation of the response times of the nodes that took part, seconds.
+    /// Mean and standard deviation of the response times of the nodes that took part, in seconds.
     pub fn response_mean_and_deviation(&self) -> (f64, f64) {
         let responses: Vec<f64> = self
             .took_part()
@@ -195,20 +194,20 @@ impl FrameRecord {
         mean_and_deviation(&responses)
     }
 
-    /// Where the time of the very last tile went.
+    /// Latency breakdown of the last tile.
     pub fn critical_split(&self) -> Option<LatencySplit> {
         Some(self.nodes.get(self.straggler?)?.split)
     }
 }
 
 impl Detail {
-    /// Bytes that it takes.
+    /// Bytes that it occupies.
     pub fn bytes(&self) -> usize {
         self.tile_work.len() * size_of::<f32>() + self.deliveries.len() * size_of::<Delivery>()
     }
 }
 
-/// Of any values; zeros of none.
+/// Mean and population standard deviation of values; zeros without any.
 pub fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
     let count = values.len().max(1) as f64;
     let mean = values.iter().sum::<f64>() / count;

@@ -1,4 +1,4 @@
-//! Gantt chart of a frame: a row of bars for each node, in one mesh.
+//! Gantt chart of a picture: a row of bars for each node, in one mesh.
 
 use carom_farm::Delivery;
 use carom_text::text;
@@ -10,7 +10,7 @@ use super::palette;
 use super::value_label::{in_ms, ms};
 use crate::theme::{ALARM, FAINT, INK};
 
-/// Draws a picture's chart, as wide as there is room.
+/// Draws a picture's chart over the available width.
 pub fn show(ui: &mut Ui, record: &FrameRecord) {
     let Some(detail) = &record.detail else {
         ui.label(text!("stats-gantt-gone"));
@@ -40,6 +40,7 @@ pub fn show(ui: &mut Ui, record: &FrameRecord) {
         .enumerate()
         .for_each(|(row, node)| row_of[*node] = Some(row));
     let mut mesh = Mesh::default();
+    // Room for five bars per message, of four vertices and two triangles each.
     mesh.reserve_vertices(detail.deliveries.len() * 20);
     mesh.reserve_triangles(detail.deliveries.len() * 10);
     let mut lanes = vec![GanttLane::default(); record.nodes.len()];
@@ -69,7 +70,7 @@ struct GanttLayout {
     end_secs: f64,
 }
 
-/// Until when a node has traced, and until when what it sent has come.
+/// Times until which a node's row already shows tracing and arrivals.
 #[derive(Clone, Copy, Default)]
 struct GanttLane {
     traced: f64,
@@ -81,9 +82,9 @@ impl GanttLayout {
         self.bars.left() + self.bars.width() * (secs / self.end_secs).clamp(0.0, 1.0) as f32
     }
 
-    /// Tracing as a thick bar that ends where the tiles set out, which is no earlier than what was traced
-    /// before; what comes before the first bar and after each one as a thin line: the way to the node
-    /// and back, with encoding and decoding at its ends.
+    /// Adds a tile message: tracing as a thick bar that ends when the tiles were sent, but begins no earlier
+    /// than previous tracing ended; the network before the first bar and after each bar as a thin line, with
+    /// encoding and decoding at its ends. Returns the rectangle of the thick bar.
     fn delivery(
         &self,
         mesh: &mut Mesh,
@@ -101,6 +102,8 @@ impl GanttLayout {
             );
             mesh.add_colored_rect(rect, color);
         };
+        // Reconstructed backwards from the arrival, the only moment of the client's clock; half of the
+        // network time is attributed to the way back.
         let arrived = delivery.arrived_secs;
         let decoding = arrived - split.decode_secs;
         let encoded = decoding - 0.5 * split.network_secs;

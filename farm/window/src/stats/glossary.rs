@@ -1,28 +1,28 @@
-//! Glossary of the statistics: label and definition of each figure, as its tooltip shows them.
+//! Glossary of the statistics: label and definition of each figure, shown in its tooltip.
 
 use carom_farm::LatencySplit;
 use carom_text::text;
 
-/// A figure's name and its definition, with unit and window.
+/// A figure's label and its definition, with unit and time window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Term {
-    /// Of the texts `glossary-<id>` and `glossary-<id>-about`.
+    /// Identifier in the texts `glossary-<id>` and `glossary-<id>-about`.
     pub id: &'static str,
 }
 
 impl Term {
-    /// What stands before the number.
+    /// The label in front of the value.
     pub fn label(&self) -> &'static str {
         text!(&format!("glossary-{}", self.id))
     }
 
-    /// What the number is.
+    /// The definition.
     pub fn meaning(&self) -> &'static str {
         text!(&format!("glossary-{}-about", self.id))
     }
 }
 
-/// Stages of a tile's way and their seconds, in the order in which it goes through them.
+/// Stages of a tile's latency with their seconds, in chronological order.
 pub(super) fn stages(split: &LatencySplit) -> [(&'static Term, f64); 6] {
     [
         (&ASKED, split.request_secs),
@@ -37,7 +37,7 @@ pub(super) fn stages(split: &LatencySplit) -> [(&'static Term, f64); 6] {
 macro_rules! terms {
     ($($name:ident $id:literal)*) => {
         $(#[doc = concat!("The text `glossary-", $id, "`.")] pub const $name: Term = Term { id: $id };)*
-        /// All of them.
+        /// All terms.
         pub const ALL: &[Term] = &[$($name),*];
     };
 }

@@ -1,4 +1,4 @@
-//! The last pictures, in memory that is bounded.
+//! History of the last pictures, in bounded memory.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -7,23 +7,23 @@ use carom_farm::{Balancing, NodeStatus};
 
 use super::frame_record::{FrameRecord, FrameSample};
 
-/// The last [`History::FRAMES_MAX`] pictures, and what each way of dividing them has reached so far.
+/// History of the last [`History::FRAMES_MAX`] pictures, and the results of each balancing so far.
 #[derive(Debug, Default)]
 pub struct History {
     records: VecDeque<Arc<FrameRecord>>,
     detail_bytes: usize,
-    /// Records before this one have no detail any more.
+    /// Index of the first record that still has its detail.
     detailed_from: usize,
     names: Vec<Arc<str>>,
     tallies: Vec<AlgorithmSummary>,
 }
 
-/// What a way of dividing pictures has reached since the program began.
+/// Results of a balancing since the program began.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AlgorithmSummary {
-    /// Which.
+    /// The balancing.
     pub balancing: Balancing,
-    /// Pictures.
+    /// Number of pictures.
     pub frames: u64,
     efficiency_sum: f64,
     deviation_sum: f64,
@@ -46,12 +46,12 @@ impl AlgorithmSummary {
         self.mean(self.efficiency_sum)
     }
 
-    /// Mean of the standard deviations of response times, seconds.
+    /// Mean of the standard deviations of response times, in seconds.
     pub fn deviation_secs(&self) -> f64 {
         self.mean(self.deviation_sum)
     }
 
-    /// Mean of the longest response times, seconds.
+    /// Mean of the longest response times, in seconds.
     pub fn max_secs(&self) -> f64 {
         self.mean(self.max_sum)
     }
@@ -62,12 +62,12 @@ impl AlgorithmSummary {
 }
 
 impl History {
-    /// Pictures that are kept: ten seconds at 60 a second.
+    /// Maximum number of pictures: ten seconds at 60 a second.
     pub const FRAMES_MAX: usize = 600;
-    /// Bytes that maps and Gantt charts of older pictures may take; the newest is always kept.
+    /// Maximum bytes of the details of pictures; the newest picture always keeps its detail.
     pub const DETAIL_BYTES_MAX: usize = 16 << 20;
 
-    /// Takes in a finished picture.
+    /// Adds a finished picture and returns its record.
     pub fn push(&mut self, seen: FrameSample<'_>) -> Arc<FrameRecord> {
         self.follow_names(seen.nodes);
         let record = Arc::new(FrameRecord::new(seen, &self.names));
@@ -85,34 +85,36 @@ impl History {
         {
             let record = &mut self.records[self.detailed_from];
             self.detail_bytes -= detail_bytes(record);
+            // This clones the record if it is held elsewhere, as by frozen charts or a recorder.
             Arc::make_mut(record).detail = None;
             self.detailed_from += 1;
         }
         record
     }
 
-    /// From the oldest to the newest.
+    /// All records, the oldest first.
     pub fn records(&self) -> &VecDeque<Arc<FrameRecord>> {
         &self.records
     }
 
-    /// The newest.
+    /// The newest record.
     pub fn newest(&self) -> Option<&Arc<FrameRecord>> {
         self.records.back()
     }
 
-    /// Each way of dividing that has been used, in the order of its first use.
+    /// The results of each balancing that has been used, in the order of first use.
     pub fn tallies(&self) -> &[AlgorithmSummary] {
         &self.tallies
     }
 
-    /// Pictures a second over those that are kept; 0 before the second.
+    /// Pictures per second over the history; 0 with fewer than two.
     pub fn rate(&self) -> f64 {
         let ends = self.records.front().zip(self.records.back());
         let secs = ends.map_or(0.0, |(first, last)| last.at_secs - first.at_secs);
         if secs <= 0.0 {
             return 0.0;
         }
+        // n records delimit n − 1 intervals.
         (self.records.len() - 1) as f64 / secs
     }
 
@@ -130,7 +132,7 @@ impl History {
         tally.max_sum += responses.fold(0.0, f64::max);
     }
 
-    /// A name is made anew only when it changes.
+    /// Updates the nodes' names; one is only allocated when it changes.
     fn follow_names(&mut self, nodes: &[NodeStatus]) {
         self.names.truncate(nodes.len());
         for (index, node) in nodes.iter().enumerate() {
@@ -144,7 +146,7 @@ impl History {
     }
 }
 
-/// What a node is called: its name once it has said it, else its address.
+/// Name of a node, or its address while the name is unknown or empty.
 pub fn name_of(node: &NodeStatus) -> &str {
     let name = node.info.as_ref().map(|info| info.name.as_str());
     name.filter(|name| !name.is_empty())
@@ -197,7 +199,7 @@ mod tests {
             .records()
             .iter()
             .filter(|record| record.detail.is_some());
-        // As many as fit are kept, and they are the newest.
+        // As many details are kept as fit, those of the newest pictures.
         assert_eq!(detailed.count(), History::DETAIL_BYTES_MAX / (8160 * 4));
         assert_eq!(history.records().len(), History::FRAMES_MAX);
         assert_eq!(history.newest().unwrap().frame, 1999);

@@ -1,4 +1,4 @@
-//! Whose each tile is, or what it costs, over the picture: one small texture, drawn as one quad.
+//! Maps over the picture of each tile's owner or cost: a small texture, drawn as one quad.
 
 use carom_text::text;
 use carom_tracer::{ImageSize, TileGrid};
@@ -11,25 +11,25 @@ use super::frame_record::{Detail, FrameRecord};
 use super::palette;
 use crate::theme::INK;
 
-/// What is drawn over the picture.
+/// Kind of map over the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MapKind {
-    /// Nothing.
+    /// No map.
     #[default]
     None,
-    /// Whose each tile is.
+    /// The node that traced each tile.
     Owner,
-    /// What each tile costs.
+    /// The predicted cost of each tile.
     Cost,
 }
 
-/// The map over the picture, and its texture.
+/// Map over the picture, with its texture.
 #[derive(Default)]
 pub struct Maps {
-    /// What is drawn.
+    /// The kind of map to draw.
     pub kind: MapKind,
     texture: Option<TextureHandle>,
-    /// The picture that the texture is of, and its kind.
+    /// The picture and kind for which the texture was made.
     shown: Option<(u64, MapKind)>,
     owners: Vec<u16>,
 }
@@ -70,6 +70,7 @@ impl Maps {
             return;
         };
         let tile = tile_size(screen, grid);
+        // Whole tiles: the last column and row, and thus the quad, may extend beyond the picture.
         let whole = Vec2::new(tile.x * grid.columns() as f32, tile.y * grid.rows() as f32);
         let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
         painter.image(
@@ -83,7 +84,7 @@ impl Maps {
         }
     }
 
-    /// What is under the pointer, in words.
+    /// Describes the tile under the pointer.
     pub(super) fn tell(&self, pointer: Pos2, screen: Rect, record: &FrameRecord) -> Option<String> {
         let detail = record.detail.as_ref()?;
         let grid = grid_of(record, detail);
@@ -110,7 +111,7 @@ impl Maps {
         ))
     }
 
-    /// A node's number in the middle of its tiles: no state by colour alone.
+    /// Draws each node's number at the centroid of its tiles, so that colour is not the only distinction.
     fn numbers(&self, painter: &Painter, screen: Rect, grid: TileGrid, nodes: usize) {
         let tile = tile_size(screen, grid);
         let mut middles = vec![(Vec2::ZERO, 0u32); nodes];
@@ -130,6 +131,7 @@ impl Maps {
             .enumerate()
             .filter(|(_, (_, count))| *count > 0)
         {
+            // Each number is drawn twice, first in black as a shadow, for contrast on any colour.
             let at = screen.min + *sum / *count as f32 * tile;
             painter.text(
                 at + Vec2::splat(1.0),
@@ -149,7 +151,7 @@ impl Maps {
     }
 }
 
-/// The node of each tile: the first that brought it.
+/// The node of each tile: the first that delivered it.
 fn owners(detail: &Detail, tiles: usize) -> Vec<u16> {
     let mut owners = vec![NOBODY; tiles];
     for delivery in &detail.deliveries {
@@ -190,7 +192,7 @@ fn grid_of(record: &FrameRecord, detail: &Detail) -> TileGrid {
     )
 }
 
-/// A tile's size on the screen: the last column and row may hang over.
+/// Size of a tile on the screen; tiles of the last column and row may extend beyond it.
 fn tile_size(screen: Rect, grid: TileGrid) -> Vec2 {
     let edge = f32::from(grid.edge);
     let of_picture = Vec2::new(

@@ -1,4 +1,5 @@
-//! Statistics of the farm over the picture: a line in plain words, a card of figures, or everything, live or frozen.
+//! Statistics of the farm over the picture: a line in plain words, a card of figures, or all of them, live or
+//! frozen.
 //!
 //! ```text
 //! Farm ─▶ FrameSample ─▶ History ─▶ StatsSummary (a few times a second) ─▶ line, card, table
@@ -6,8 +7,8 @@
 //!                    └─────▶ Recorder (a thread) ─▶ CSV, JSON lines
 //! ```
 //!
-//! The model ([`history`], [`frame_record`], [`frame_rate`], [`summary`]) knows nothing of egui. While the
-//! overlay is hidden nothing is taken in and nothing is drawn.
+//! The model ([`history`], [`frame_record`], [`frame_rate`], [`summary`]) is independent of egui. While the
+//! overlay is hidden, nothing is recorded and nothing is drawn.
 
 mod charts;
 mod compact;
@@ -43,24 +44,24 @@ use self::maps::Maps;
 use self::recorder::Recorder;
 use self::summary::StatsSummary;
 
-/// How much is shown.
+/// Level of detail of the overlay.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum StatsLevel {
     /// Nothing.
     #[default]
     Off,
-    /// A line at the top, in plain words.
+    /// A line at the top in plain words.
     Line,
-    /// The line, the farm's figures, and where the last picture's time went.
+    /// The line, the farm's figures, and the latency breakdown of the last picture.
     Card,
-    /// Everything.
+    /// All statistics.
     Full,
-    /// Everything, and it is written to files.
+    /// All statistics, also written to files.
     Recording,
 }
 
 impl StatsLevel {
-    /// The next one; after the last comes none.
+    /// The next level; [`Self::Off`] after the last.
     pub fn next(self) -> Self {
         match self {
             Self::Off => Self::Line,
@@ -72,50 +73,50 @@ impl StatsLevel {
     }
 }
 
-/// What the overlay shows beside the history.
+/// Data of the overlay besides the history.
 #[derive(Clone, Copy, Debug)]
 pub struct StatsInput<'a> {
-    /// The nodes now.
+    /// The present status of the nodes.
     pub nodes: &'a [NodeStatus],
-    /// How pictures are divided from now on.
+    /// The present balancing.
     pub balancing: Balancing,
-    /// What of them is divided from now on.
+    /// The present distribution.
     pub distribution: Distribution,
-    /// What is given up first while things move.
+    /// The present quality preference: what is sacrificed first while things move.
     pub preference: QualityPreference,
-    /// Pixels of the window.
+    /// Size of the window in pixels.
     pub window: ImageSize,
-    /// Seconds from one moving picture to the next: the budget.
+    /// Budget: time from one moving picture to the next, in seconds.
     pub period_secs: f64,
-    /// What moving pictures are made of.
+    /// Quality level of moving pictures.
     pub stop: QualityLevel,
-    /// What a picture of each stop takes, seconds; absent before the first picture.
+    /// Estimated time of a picture at each quality level in seconds; `None` before the first picture.
     pub level_secs: [Option<f64>; QUALITY_LEVELS.len()],
-    /// How far ahead pictures of a shot are asked for, seconds.
+    /// Time in seconds by which pictures of a shot are requested ahead.
     pub lead_secs: f64,
-    /// Pictures of shots that were passed over.
+    /// Number of pictures of shots that were skipped.
     pub skipped: u64,
-    /// Share of the window that the newest traced picture did not hold.
+    /// Share of the window for which the newest traced picture holds no data.
     pub disocclusion_fraction: Option<f64>,
-    /// What the last redraw took, seconds.
+    /// Duration of the last redraw in seconds.
     pub draw_secs: f64,
-    /// What puts pictures into the window.
+    /// Name of the window's display.
     pub present: &'a str,
 }
 
-/// What the player has asked for in the overlay.
+/// Command that the user has given in the overlay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StatsCommand {
-    /// Divide pictures in this way.
+    /// Use another balancing.
     Balancing(Balancing),
-    /// Divide this of them.
+    /// Use another distribution.
     Distribution(Distribution),
-    /// Give up something else first.
+    /// Use another quality preference.
     QualityPreference(QualityPreference),
 }
 
-/// The lower end of the line at the top: no higher than it was at the same level and in the same window. Figures that
-/// grow and shrink wrap the line anew, and a picture that is framed in what is left would not come to rest.
+/// Lower end of the line at the top, which never moves up at one level and window size. Changing figures wrap
+/// the line differently, and a picture fitted into the remaining area would otherwise not come to rest.
 #[derive(Debug, Default)]
 struct SteadyLine {
     level: StatsLevel,
@@ -137,7 +138,7 @@ impl SteadyLine {
     }
 }
 
-/// The overlay.
+/// Overlay with the farm's statistics.
 #[derive(Debug)]
 pub struct Stats {
     level: StatsLevel,
@@ -146,7 +147,7 @@ pub struct Stats {
     summary: StatsSummary,
     board_secs: f64,
     line: SteadyLine,
-    /// The picture that is inspected; the newest if there is none.
+    /// The inspected picture, if the charts are frozen; otherwise the newest is inspected.
     frozen: Option<Arc<FrameRecord>>,
     maps: Maps,
     scales: charts::Scales,
@@ -157,7 +158,7 @@ pub struct Stats {
 }
 
 impl Stats {
-    /// Hidden; recordings will go into `folder`.
+    /// A hidden overlay, whose recordings will be written into `folder`.
     pub fn new(folder: PathBuf) -> Self {
         Self {
             level: StatsLevel::Off,
@@ -176,7 +177,7 @@ impl Stats {
         }
     }
 
-    /// Shows as much as that; recording begins and ends with its level.
+    /// Sets the level of detail; entering and leaving [`StatsLevel::Recording`] begins and ends a recording.
     pub fn set_level(&mut self, level: StatsLevel) {
         if level == self.level {
             return;
@@ -192,18 +193,18 @@ impl Stats {
         };
     }
 
-    /// Whether pictures are to be taken in: not while the overlay is hidden.
+    /// Whether the overlay is shown; while it is hidden, pictures need not be passed to [`Stats::take`].
     pub fn is_shown(&self) -> bool {
         self.level != StatsLevel::Off
     }
 
-    /// How much is shown.
+    /// The level of detail.
     pub fn level(&self) -> StatsLevel {
         self.level
     }
 
-    /// Takes in a finished picture. While a picture is inspected the history stands still; what is
-    /// recorded goes on.
+    /// Adds a finished picture. While the charts are frozen the history does not change, but a recording
+    /// continues.
     pub fn take(&mut self, seen: FrameSample<'_>) {
         if self.level == StatsLevel::Off || (self.frozen.is_some() && self.recorder.is_none()) {
             return;
@@ -224,14 +225,14 @@ impl Stats {
         }
     }
 
-    /// Notes a redraw of the window; `moves` says that something has moved since the one before.
+    /// Records a redraw of the window; `moves` states that something has moved since the previous one.
     pub fn note_redraw(&mut self, now_secs: f64, moves: bool) {
         if self.is_shown() {
             self.redraws.note(now_secs, moves);
         }
     }
 
-    /// Draws what the level asks for; the part of the window that it leaves free.
+    /// Draws the overlay; returns the part of the window that it leaves free.
     pub fn draw(&mut self, ctx: &Context, now_secs: f64, input: &StatsInput<'_>) -> Rect {
         if self.level == StatsLevel::Off {
             return ctx.content_rect();
@@ -242,40 +243,40 @@ impl Stats {
         panels::draw(self, ctx, input)
     }
 
-    /// What the player has asked for since the last call.
+    /// The user's commands since the last call.
     pub fn take_commands(&mut self) -> Vec<StatsCommand> {
         std::mem::take(&mut self.commands)
     }
 
-    /// Draws a map over the picture.
+    /// Selects the map over the picture.
     pub fn show_map(&mut self, kind: maps::MapKind) {
         self.maps.kind = kind;
     }
 
-    /// The pictures that are kept.
+    /// The history of pictures.
     pub fn history(&self) -> &History {
         &self.history
     }
 
-    /// The picture that is inspected, if the charts stand still.
+    /// The inspected picture, if the charts are frozen.
     pub fn frozen(&self) -> Option<&Arc<FrameRecord>> {
         self.frozen.as_ref()
     }
 
-    /// Stands still at the picture with this place in the history; past its ends at the end.
+    /// Freezes the charts at the picture with this index in the history, or the last one if there are fewer.
     pub fn freeze(&mut self, place: usize) {
         let last = self.history.records().len().saturating_sub(1);
         self.frozen = self.history.records().get(place.min(last)).cloned();
         self.board_secs = f64::NEG_INFINITY;
     }
 
-    /// Goes on.
+    /// Unfreezes the charts.
     pub fn unfreeze(&mut self) {
         self.frozen = None;
         self.board_secs = f64::NEG_INFINITY;
     }
 
-    /// The picture that is looked at.
+    /// The inspected picture.
     fn inspected(&self) -> Option<&Arc<FrameRecord>> {
         self.frozen.as_ref().or_else(|| self.history.newest())
     }
@@ -288,5 +289,5 @@ impl Stats {
     }
 }
 
-/// Seconds between two changes of the numbers.
+/// Minimum time in seconds between two updates of the figures.
 const BOARD_SECS: f64 = 0.25;

@@ -1,17 +1,17 @@
-//! Colours of nodes, stages and costs. Numbers stand beside them: no state is told by colour alone.
+//! Colours of nodes, stages and costs. Labels accompany them: no state is distinguished by colour alone.
 
 use egui::Color32;
 
-/// Colours that people of every colour vision can tell apart (Okabe and Ito, "Color Universal
-/// Design", 2008), lighter and darker for nodes beyond the seventh.
+/// Colour of a node, distinguishable with every kind of colour vision (Okabe and Ito, "Color Universal
+/// Design", 2008); darker for nodes beyond the seventh.
 pub(super) fn node(index: usize) -> Color32 {
     let [r, g, b] = NODES[index % NODES.len()];
     let shade = SHADES[index / NODES.len() % SHADES.len()];
     Color32::from_rgb(shaded(r, shade), shaded(g, shade), shaded(b, shade))
 }
 
-/// The cost of a tile as a multiple of the mean, from a quarter (dark blue) over the mean (green) to
-/// four times (yellow): the ends and the middle of viridis (van der Walt and Smith, 2015).
+/// Colour of a tile's cost, given as a multiple of the mean, from a quarter (dark blue) over the mean (green)
+/// to four times (yellow): interpolated between five colours of viridis (van der Walt and Smith, 2015).
 pub(super) fn cost(times_mean: f32) -> Color32 {
     let position = (times_mean.max(1e-6).log2() / COST_OCTAVES * 0.5 + 0.5).clamp(0.0, 1.0);
     let place = position * (COSTS.len() - 1) as f32;
@@ -28,7 +28,7 @@ pub(super) fn cost(times_mean: f32) -> Color32 {
     Color32::from_rgb(mix(0), mix(1), mix(2))
 }
 
-/// The stages of a tile's way, in their order: asked, network, queue, trace, encode, decode.
+/// Colours of a tile's latency stages, in their order: request, network, queue, trace, encode, decode.
 pub(super) const STAGES: [Color32; 6] = [
     Color32::from_rgb(120, 120, 125),
     Color32::from_rgb(86, 180, 233),
@@ -38,11 +38,11 @@ pub(super) const STAGES: [Color32; 6] = [
     Color32::from_rgb(240, 228, 66),
 ];
 
-/// What is real, beside [`IDEAL`].
+/// Measured values, beside [`IDEAL`].
 pub(super) const ACTUAL: Color32 = Color32::from_rgb(230, 159, 0);
-/// What would have been best.
+/// Ideal values.
 pub(super) const IDEAL: Color32 = Color32::from_rgb(86, 180, 233);
-/// Lines that say where a limit is.
+/// Lines that mark a limit.
 pub(super) const LIMIT: Color32 = Color32::from_rgb(204, 121, 167);
 
 fn shaded(channel: u8, shade: f32) -> u8 {
@@ -66,5 +66,5 @@ const COSTS: [[u8; 3]; 5] = [
     [94, 201, 98],
     [253, 231, 37],
 ];
-/// Powers of two from the mean to either end.
+/// Powers of two between the mean and either end of the colour scale.
 const COST_OCTAVES: f32 = 2.0;

@@ -1,5 +1,5 @@
-//! Layout of the panels: the line at the top, everything else beside or under the picture, and one
-//! column that scrolls where the window is too small for that.
+//! Layout of the panels: the line at the top, the others beside and below the picture, or all in one
+//! scrolling column if the window is too small for that.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use super::{
 };
 use crate::theme;
 
-/// Draws what the level asks for; the part of the screen that it leaves free.
+/// Draws the panels of the level; returns the part of the screen that they leave free.
 pub(super) fn draw(stats: &mut Stats, ctx: &Context, input: &StatsInput<'_>) -> Rect {
     let screen = ctx.content_rect();
     if stats.level >= StatsLevel::Full {
@@ -71,7 +71,8 @@ pub(super) fn draw(stats: &mut Stats, ctx: &Context, input: &StatsInput<'_>) -> 
     )
 }
 
-/// A panel as wide as `room` and no higher, or as high; the part of the screen that it takes.
+/// A panel of the width of `room`, and at most or, if it `fills`, exactly of its height; returns the part of
+/// the screen that it occupies.
 fn panel(ctx: &Context, id: &str, room: Rect, fills: bool, add: impl FnOnce(&mut Ui)) -> Rect {
     let area = Area::new(Id::unique(id))
         .order(Order::Middle)
@@ -106,7 +107,7 @@ fn line(ui: &mut Ui, stats: &Stats, input: &StatsInput<'_>) {
     }
 }
 
-/// Everything but the line and the nodes, one under the other.
+/// Everything but the line and the nodes, in one column.
 fn column(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
     ui.set_min_width(ui.available_width());
     controls::show(ui, stats, input);
@@ -149,7 +150,7 @@ fn column(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
     });
 }
 
-/// The place in the history of a picture that was pressed.
+/// Draws the charts; returns the index in the history of a picture that was clicked.
 fn time_series(ui: &mut Ui, stats: &mut Stats, inspected: u64) -> Option<usize> {
     let records = stats.history.records();
     let before = records.len().saturating_sub(charts::PICTURES);
@@ -194,16 +195,16 @@ fn frame() -> Frame {
 }
 
 const MARGIN: Margin = Margin::symmetric(8, 6);
-/// A window at least so large, in points, has room for panels beside the picture.
+/// Minimum size of a window, in points, with room for panels beside the picture.
 const WIDE: Vec2 = Vec2::new(1000.0, 560.0);
 const SIDE_WIDTH: f32 = 440.0;
-/// Of the picture, what a line or a card leaves free however large the text is.
+/// Height in points that a line or card leaves to the picture, however large the text is.
 const BELOW_CARD: f32 = 40.0;
-/// Of a small window, what everything takes.
+/// Share of a small window's height that all statistics occupy.
 const SHARE_OF_SMALL: f32 = 0.62;
-/// Of a wide one, what the nodes take at most.
+/// Maximum share of a wide window's height that the table of nodes occupies.
 const TABLE_SHARE: f32 = 0.3;
 const TABLE_MARGIN: f32 = 12.0;
 const GAP: f32 = 2.0;
-/// Pictures of the line's curve.
+/// Number of pictures in the line's curve.
 const SPARKLINE: usize = 60;

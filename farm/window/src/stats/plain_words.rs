@@ -1,4 +1,4 @@
-//! The first level: what a player asks of the picture, in plain words.
+//! First level: the qualities of the picture that matter to a player, in plain words.
 
 use carom_text::text;
 use egui::{RichText, Ui};
@@ -9,7 +9,7 @@ use super::summary::StatsSummary;
 use super::value_label::{figure, figure_or_alarm, in_ms, percent};
 use crate::theme;
 
-/// Draws how smooth, how late and how sharp the picture is, who makes it, and what is wrong with that.
+/// Draws smoothness, latency and sharpness of the picture, who traces it, and the farm's faults.
 pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, input: &StatsInput<'_>) {
     ui.horizontal_wrapped(|ui| {
         figure(ui, &terms::FPS, format!("{:3.0}", summary.rates.now));
@@ -29,7 +29,7 @@ pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, input: &StatsInput<'_>) 
     }
 }
 
-/// The device of a node that traces alone, or how many nodes do.
+/// The device of the only ready node, or the number of ready nodes.
 fn made_by(summary: &StatsSummary) -> String {
     let mut ready = summary.nodes.iter().filter(|node| node.is_ready);
     match (ready.next(), ready.count()) {
@@ -40,7 +40,7 @@ fn made_by(summary: &StatsSummary) -> String {
     }
 }
 
-/// Who does not help, and why.
+/// A sentence about nodes that do not contribute, with the reason.
 fn trouble(summary: &StatsSummary) -> Option<String> {
     let mut absent = summary.nodes.iter().filter(|node| !node.is_ready);
     let first = absent.next()?;
@@ -52,7 +52,7 @@ fn trouble(summary: &StatsSummary) -> Option<String> {
     ))
 }
 
-/// A picture that takes so many times its budget is late.
+/// Multiple of its budget above which a picture counts as late.
 pub(super) const LATE: f64 = 1.5;
 
 #[cfg(test)]

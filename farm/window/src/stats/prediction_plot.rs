@@ -1,4 +1,5 @@
-//! Predicted against actual: how well the balancer knows each node.
+//! Scatter plot of predicted against actual response times: the accuracy of the balancer's model of each
+//! node.
 
 use carom_text::text;
 use egui::{Align2, Color32, FontId, Pos2, Sense, Stroke, Ui, Vec2};
@@ -9,8 +10,8 @@ use super::palette;
 use super::value_label::{explained, ms};
 use crate::theme::{FAINT, INK};
 
-/// Predicted against actual response of each node, both on the same logarithmic scale: what lies
-/// below the line came later than predicted.
+/// Draws predicted (vertical) against actual (horizontal) response of each node, both on the same logarithmic
+/// scale: points below the diagonal arrived later than predicted.
 pub(super) fn show(ui: &mut Ui, record: &FrameRecord) {
     let points: Vec<(usize, f64, f64)> = record
         .took_part()
@@ -38,7 +39,9 @@ pub(super) fn show(ui: &mut Ui, record: &FrameRecord) {
         );
         return;
     }
+    // A margin around the extremes, which also keeps the scale valid for a single point.
     let (low, high) = (low * 0.8, high * 1.25);
+    // Position on the logarithmic scale, 0 to 1.
     let place = |secs: f64| ((secs / low).ln() / (high / low).ln()) as f32;
     let at = |predicted: f64, actual: f64| {
         rect.min + Vec2::new(place(actual), 1.0 - place(predicted)) * rect.size()
@@ -80,5 +83,5 @@ pub(super) fn show(ui: &mut Ui, record: &FrameRecord) {
 
 const SCATTER_SIDE: f32 = 420.0;
 const SCATTER_HEIGHT: f32 = 110.0;
-/// Points from a mark that the pointer may be off.
+/// Maximum distance in points of the pointer from a point's mark.
 const NEAR: f32 = 8.0;

@@ -1,4 +1,4 @@
-//! Pictures' records on their way to files: a thread writes, so that no frame ever waits for a disk.
+//! Recorder of pictures' records to files on a thread, so that no frame waits for a disk.
 
 use std::fmt::Write as _;
 use std::fs::{self, File};
@@ -12,7 +12,7 @@ use carom_text::text;
 
 use super::frame_record::{FrameRecord, NodeRecord};
 
-/// Writes records as CSV, a row for each node and picture, and as JSON lines, one for each picture.
+/// Recorder to CSV, with a row per node and picture, and to JSON lines, with one per picture.
 #[derive(Debug)]
 pub struct Recorder {
     queue: Option<SyncSender<Arc<FrameRecord>>>,
@@ -20,27 +20,27 @@ pub struct Recorder {
     state: Arc<Mutex<RecorderState>>,
 }
 
-/// How far a recording is.
+/// State of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RecorderState {
-    /// Where it goes, for people.
+    /// Location of the files, for the user.
     pub place: String,
-    /// Pictures that are in the files.
+    /// Pictures written to the files.
     pub written: u64,
-    /// Pictures that were left out because the disk was too slow.
+    /// Pictures left out because the disk was too slow.
     pub left_out: u64,
-    /// Why it has stopped, if it has.
+    /// The reason why it has stopped, if it has.
     pub failure: Option<String>,
 }
 
-/// Both files.
+/// The two output files.
 struct RecordFiles<W> {
     csv: W,
     lines: W,
 }
 
 impl Recorder {
-    /// Begins two new files in `folder`, which is made if there is none. What goes wrong is in
+    /// Begins two new files in `folder`, which is created if missing. Errors are reported by
     /// [`Recorder::state`].
     pub fn start(folder: &Path) -> Self {
         match create(folder) {
@@ -85,7 +85,7 @@ impl Recorder {
         }
     }
 
-    /// Hands a picture's record to the thread; never waits.
+    /// Queues a picture's record for the thread; never blocks.
     pub fn write(&mut self, record: Arc<FrameRecord>) {
         let Some(queue) = &self.queue else {
             return;
@@ -95,7 +95,7 @@ impl Recorder {
         }
     }
 
-    /// How far it is.
+    /// The state of the recording.
     pub fn state(&self) -> RecorderState {
         self.state
             .lock()
@@ -105,7 +105,7 @@ impl Recorder {
 }
 
 impl Drop for Recorder {
-    /// Waits until what has been handed over is in the files.
+    /// Waits until all queued records are in the files.
     fn drop(&mut self) {
         self.queue = None;
         if let Some(thread) = self.thread.take() {
@@ -114,7 +114,7 @@ impl Drop for Recorder {
     }
 }
 
-/// Files with a number that no file there has yet.
+/// Creates two files with the first number that is unused in the folder.
 fn create(folder: &Path) -> io::Result<(String, RecordFiles<BufWriter<File>>)> {
     fs::create_dir_all(folder)?;
     for number in 1..=FILES_MAX {
@@ -141,6 +141,7 @@ fn write_all<W: Write>(
 ) {
     let mut header = writeln!(files.csv, "{}", header());
     while let Ok(record) = records.recv() {
+        // A failure to write the header is reported with the first record.
         let written = std::mem::replace(&mut header, Ok(())).and_then(|()| files.write(&record));
         if let Err(why) = written {
             change(state, |state| state.failure = Some(why.to_string()));
@@ -155,7 +156,7 @@ fn write_all<W: Write>(
 }
 
 impl<W: Write> RecordFiles<W> {
-    /// Whole pictures only: what is in the files can be read at any time.
+    /// Writes and flushes a whole picture, so that the files can be read at any time.
     fn write(&mut self, record: &FrameRecord) -> io::Result<()> {
         self.csv.write_all(rows(record).as_bytes())?;
         let line = serde_json::to_string(record)?;
@@ -188,7 +189,7 @@ fn rows(record: &FrameRecord) -> String {
     rows
 }
 
-/// A name in quotes: it may hold a comma.
+/// A name as a quoted CSV field, since it may contain a comma.
 fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
 }
@@ -233,7 +234,7 @@ const COLUMNS: [CsvColumn; 32] = [
     ("efficiency", |record, _| number(record.efficiency())),
 ];
 
-/// Records that may wait for the disk: four seconds at 60 pictures a second.
+/// Maximum number of records that wait for the disk: four seconds at 60 pictures a second.
 const QUEUE_MAX: usize = 256;
 const FILES_MAX: u32 = 9999;
 
@@ -244,7 +245,7 @@ mod tests {
 
     use super::*;
 
-    /// Fails like a disk that is full after so many bytes.
+    /// A writer that fails like a full disk after a number of bytes.
     struct SlowDisk {
         left: usize,
     }
@@ -263,7 +264,7 @@ mod tests {
         }
     }
 
-    /// Writes nothing until it is told to.
+    /// A writer that blocks until it is released.
     struct StuckDisk {
         go: Receiver<()>,
         begun: Sender<()>,
@@ -367,7 +368,7 @@ mod tests {
         };
         let mut recorder = Recorder::into("a disk".to_owned(), files);
         begun.recv().unwrap();
-        // The thread hangs in the header: all of these are handed over or left out at once.
+        // The thread blocks in the header, so each of these is queued or left out immediately.
         (0..QUEUE_MAX as u64 + 50).for_each(|frame| recorder.write(record(frame)));
         assert_eq!(recorder.state().left_out, 50);
         drop(go);

@@ -1,4 +1,4 @@
-//! The second level's line: the figures of the farm.
+//! Line of the second level: figures of the farm.
 
 use egui::Ui;
 
@@ -8,7 +8,7 @@ use super::summary::StatsSummary;
 use super::value_label::{figure, figure_or_alarm, in_ms, ms, percent};
 use super::{StatsInput, charts};
 
-/// Draws the figures one after the other; they wrap where the window is narrow.
+/// Draws the figures in a row, which wraps in a narrow window.
 pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, sparkline: &[f32], input: &StatsInput<'_>) {
     let rates = &summary.rates;
     ui.horizontal_wrapped(|ui| {

@@ -1,5 +1,5 @@
-//! Summary for the panels, made from the history a few times a second: numbers that change sixty times
-//! a second cannot be read, and percentiles need not be sorted so often.
+//! Summary for the panels, computed from the history a few times a second: figures that change at frame rate
+//! cannot be read, and percentiles need not be computed as often.
 
 use std::sync::Arc;
 
@@ -13,64 +13,64 @@ use super::glossary;
 use super::history::{History, name_of};
 use crate::notifications::megabytes;
 
-/// Figures over all pictures that are kept, and of the one that is looked at.
+/// Figures over the whole history, and of the inspected picture.
 #[derive(Debug, Default)]
 pub struct StatsSummary {
-    /// Redraws a second.
+    /// Redraws per second.
     pub rates: Rates,
-    /// Pictures a second.
+    /// Pictures per second.
     pub pictures_per_sec: f64,
-    /// The picture that is looked at.
+    /// The inspected picture.
     pub record: Option<Arc<FrameRecord>>,
-    /// By index.
+    /// The nodes, by index.
     pub nodes: Vec<NodeSummary>,
-    /// Nodes that can trace.
+    /// Number of nodes that are ready to trace.
     pub ready: usize,
-    /// Megabits a second of pixels.
+    /// Megabits of pixels per second.
     pub mbit_per_sec: f64,
-    /// Raw bytes over those that crossed the link.
+    /// Ratio of raw bytes to bytes on the wire.
     pub ratio: f64,
-    /// Tiles that were asked for again because they would have come late.
+    /// Tiles requested again because they would have been late.
     pub late: u64,
-    /// Tiles that were asked for again because their node was lost.
+    /// Tiles requested again because their node was lost.
     pub lost: u64,
-    /// Tiles that came twice.
+    /// Tiles that arrived twice.
     pub twice: u64,
-    /// Samples that were not finite.
+    /// Samples that were not finite and count as black.
     pub dropped: u64,
 }
 
-/// A node over all pictures that are kept.
+/// Figures of a node over the whole history.
 #[derive(Clone, Debug, Default)]
 pub struct NodeSummary {
-    /// What it is called.
+    /// Its name, or else its address.
     pub name: String,
-    /// What it traces with.
+    /// Its device.
     pub device: String,
-    /// A word.
+    /// Its state in a word.
     pub state: String,
-    /// A sentence.
+    /// Its state in a sentence.
     pub state_sentence: String,
-    /// Whether it can trace.
+    /// Whether it is ready to trace.
     pub is_ready: bool,
-    /// Mean response, seconds.
+    /// Mean response time in seconds.
     pub mean_secs: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the response time in seconds.
     pub deviation_secs: f64,
-    /// Its 99th percentile.
+    /// 99th percentile of the response time in seconds.
     pub p99_secs: f64,
-    /// The longest.
+    /// Maximum response time in seconds.
     pub max_secs: f64,
-    /// Tiles that came well after their prediction.
+    /// Tiles that arrived well after their prediction.
     pub late: u64,
-    /// Tiles that it lost since the program began.
+    /// Tiles lost by this node since the program began.
     pub lost: u64,
-    /// Tiles that another node had brought before.
+    /// Tiles that another node had delivered before.
     pub twice: u64,
 }
 
 impl StatsSummary {
-    /// Figures of `history`, and of `record` in it.
+    /// The summary of `history`, and of `record` in it.
     pub fn new(
         history: &History,
         redraws: &FrameRate,
@@ -102,7 +102,7 @@ impl StatsSummary {
         }
     }
 
-    /// The picture's worst trouble in a sentence.
+    /// A sentence about the picture's worst problem.
     pub fn diagnosis(&self) -> String {
         let Some(record) = &self.record else {
             return text!("stats-diagnosis-no-frame").to_owned();
@@ -134,7 +134,7 @@ impl StatsSummary {
 }
 
 impl NodeSummary {
-    /// All nodes at once: records are long, so that each is walked once, from front to back.
+    /// Summaries of all nodes in a single pass over the long history.
     fn all(history: &History, input: &StatsInput<'_>) -> Vec<Self> {
         let mut nodes: Vec<Self> = input.nodes.iter().map(Self::of_status).collect();
         let mut responses = vec![Vec::with_capacity(history.records().len()); nodes.len()];
@@ -199,7 +199,7 @@ fn straggler(record: &FrameRecord) -> Option<(usize, &NodeRecord)> {
     Some((index, record.nodes.get(index)?))
 }
 
-/// Where most of a node's last tile's time went.
+/// A phrase about the longest latency stage of a node's last tile.
 fn stage(node: &NodeRecord) -> String {
     let longest = glossary::stages(&node.split)
         .into_iter()
@@ -215,7 +215,7 @@ fn stage(node: &NodeRecord) -> String {
     })
 }
 
-/// Above this efficiency there is nothing to complain of.
+/// Efficiency above which a picture counts as balanced.
 const GOOD: f64 = 0.9;
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
-//! The nodes, one a row, in columns of fixed width: a row is one text, so that sixty-four of them
-//! cost no more than a page.
+//! Table of the nodes in columns of fixed width: each row is a single text layout, so that sixty-four rows
+//! cost no more than a page of text.
 
 use egui::text::{LayoutJob, TextFormat};
 use egui::{FontId, Response, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo};
@@ -10,7 +10,7 @@ use super::summary::{NodeSummary, StatsSummary};
 use super::value_label::ms;
 use crate::theme::{ACCENT, ALARM, INK};
 
-/// The table's text.
+/// Text of the table.
 #[derive(Debug, Default)]
 pub(super) struct NodeRows {
     rows: Vec<NodeRow>,
@@ -19,11 +19,11 @@ pub(super) struct NodeRows {
 #[derive(Debug)]
 struct NodeRow {
     job: LayoutJob,
-    /// Of the node's state.
+    /// Description of the node's state.
     sentence: String,
 }
 
-/// What a cell is made of.
+/// Data for a cell.
 struct NodeCell<'a> {
     index: usize,
     summary: &'a NodeSummary,
@@ -33,15 +33,15 @@ struct NodeCell<'a> {
 
 struct TableColumn {
     term: &'static Term,
-    /// Characters, with the gap to the next.
+    /// Width in characters, including the gap to the next column.
     width: usize,
     cell: fn(&NodeCell<'_>) -> String,
-    /// Whether the cell tells of trouble.
+    /// Whether the cell's value indicates a problem.
     alarm: fn(&NodeCell<'_>) -> bool,
 }
 
 impl TableColumn {
-    /// As wide as the column: cut or padded, words on the left and numbers on the right.
+    /// Truncates or pads a text to the column's width; words are aligned left and numbers right.
     fn fit(&self, text: &str) -> String {
         let gap = self.width - 1;
         let text: String = text.chars().take(gap).collect();
@@ -54,7 +54,7 @@ impl TableColumn {
 }
 
 impl NodeRows {
-    /// Writes the table anew.
+    /// Rebuilds the table.
     pub(super) fn refresh(&mut self, summary: &StatsSummary) {
         let record = summary.record.as_deref();
         let row = |(index, summary): (usize, &NodeSummary)| {
@@ -82,7 +82,7 @@ impl NodeRows {
         self.rows = summary.nodes.iter().enumerate().map(row).collect();
     }
 
-    /// Draws as many rows as there is room for; the others are reached by scrolling.
+    /// Draws the visible rows; the others are reached by scrolling.
     pub(super) fn show(&self, ui: &mut Ui, height: f32) {
         let char_width = ui.fonts_mut(|fonts| fonts.glyph_width(&FontId::monospace(SIZE), '0'));
         let chars: usize = COLUMNS.iter().map(|column| column.width).sum();
@@ -108,7 +108,7 @@ impl NodeRows {
             });
     }
 
-    /// What the table would need to show all rows.
+    /// Height in points of the table with all its rows.
     pub(super) fn height(&self) -> f32 {
         ROW_HEIGHT * (self.rows.len() + 1) as f32 + SCROLL_BAR
     }
@@ -136,7 +136,8 @@ fn line(ui: &mut Ui, size: Vec2, job: &LayoutJob) -> Response {
     response
 }
 
-/// Shows the definition of the column under the pointer, and with the state its sentence.
+/// Shows a tooltip with the definition of the column under the pointer and, in the state's column, the
+/// sentence.
 fn explain(response: Response, char_width: f32, sentence: Option<&str>) {
     let Some(pointer) = response.hover_pos() else {
         return;
@@ -162,13 +163,13 @@ fn format(bad: bool) -> TextFormat {
     TextFormat::simple(FontId::monospace(SIZE), if bad { ALARM } else { INK })
 }
 
-/// A column of what a node did for the picture; nothing if it took no part.
+/// A value of the node's contribution to the picture; `-` if it took no part.
 fn of_node(seen: &NodeCell<'_>, value: impl Fn(&NodeRecord) -> String) -> String {
     let took_part = seen.node.filter(|node| node.tiles > 0);
     took_part.map_or_else(|| "-".to_owned(), value)
 }
 
-/// The same of what was known of it.
+/// An estimate of the node; `-` while it is unknown.
 fn known(seen: &NodeCell<'_>, value: impl Fn(&NodeRecord) -> String) -> String {
     let known = seen.node.filter(|node| node.msamples_per_sec > 0.0);
     known.map_or_else(|| "-".to_owned(), value)

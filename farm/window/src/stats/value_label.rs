@@ -1,4 +1,4 @@
-//! A number with its name and its definition, and how numbers are written.
+//! Labelled value with a tooltip, and the formats of values.
 
 use std::fmt::Display;
 
@@ -8,12 +8,12 @@ use egui::{Color32, FontId, Label, Response, Sense, Ui};
 use super::glossary::Term;
 use crate::theme::{ALARM, FAINT, INK};
 
-/// Writes a figure; under the pointer its definition shows.
+/// Draws a figure with its label; its definition is a tooltip.
 pub(super) fn figure(ui: &mut Ui, term: &Term, value: impl Display) -> Response {
     written(ui, LayoutJob::default(), term, value, INK)
 }
 
-/// The same, told to be bad by a mark and a colour if `is_bad`.
+/// As [`figure`], marked by a sign and a colour if `is_bad`.
 pub(super) fn figure_or_alarm(
     ui: &mut Ui,
     term: &Term,
@@ -26,7 +26,7 @@ pub(super) fn figure_or_alarm(
     }
 }
 
-/// A figure whose curve or bar has a colour, which stands before it.
+/// As [`figure`], after a mark in the colour of its curve or bar.
 pub(super) fn marked(ui: &mut Ui, term: &Term, value: impl Display, mark: Color32) -> Response {
     let mut job = LayoutJob::default();
     let format = TextFormat::simple(FontId::monospace(SIZE), mark);
@@ -45,12 +45,12 @@ fn written(
     job.append(term.label(), 0.0, TextFormat::simple(font.clone(), FAINT));
     job.append(" ", 0.0, TextFormat::simple(font.clone(), FAINT));
     job.append(&value.to_string(), 0.0, TextFormat::simple(font, color));
-    // Name and value stay in one line.
+    // Keeps label and value in one line.
     let label = Label::new(job).extend().selectable(false);
     explained(ui.add(label.sense(Sense::hover())), term.meaning())
 }
 
-/// Shows a definition under the pointer.
+/// Adds a definition as a tooltip.
 pub(super) fn explained(response: Response, meaning: &str) -> Response {
     response.on_hover_ui(|ui| {
         ui.set_max_width(320.0);
@@ -58,7 +58,7 @@ pub(super) fn explained(response: Response, meaning: &str) -> Response {
     })
 }
 
-/// Milliseconds with a digit behind the point, two below 10: as wide for 0.01 as for 9999.
+/// Milliseconds with one decimal, or two below 10, so that 0.01 is as wide as 99.9.
 pub(super) fn ms(secs: f64) -> String {
     let ms = secs * 1e3;
     if ms.abs() < 9.995 {
@@ -68,15 +68,15 @@ pub(super) fn ms(secs: f64) -> String {
     }
 }
 
-/// The same with its unit.
+/// As [`ms`], with the unit.
 pub(super) fn in_ms(secs: f64) -> String {
     ms(secs) + " ms"
 }
 
-/// Per cent without a digit behind the point, with its unit.
+/// Percentage without decimals, with the sign.
 pub(super) fn percent(share: f64) -> String {
     format!("{:.0} %", share * 1e2)
 }
 
-/// Of figures, in points.
+/// Text size of figures in points.
 const SIZE: f32 = 12.5;

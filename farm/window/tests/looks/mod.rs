@@ -1,7 +1,7 @@
-//! Pictures of the interface, drawn by the processor and by a GPU (software Vulkan is one), both held
-//! against the same pictures that people have looked at. `CAROM_REWRITE_PICTURES=1` has the processor
-//! draw those anew; a difference is left beside them as `*.actual.png`. Without a GPU its half is
-//! skipped with a sentence, unless `CAROM_REQUIRE_GPU` is set.
+//! Comparison of interface pictures, drawn in software and by a GPU (which may be software Vulkan), with
+//! reference pictures that people have checked. `CAROM_REWRITE_PICTURES=1` rewrites the references in
+//! software; a picture that differs is written beside its reference as `*.actual.png`. Without a GPU its
+//! comparison is skipped with a message, unless `CAROM_REQUIRE_GPU` is set.
 
 use std::fs::File;
 use std::path::Path;
@@ -12,24 +12,24 @@ use carom_window::theme;
 use egui::{Context, RawInput, Rect, Ui, Vec2};
 use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
 
-/// Share of pixels that may differ by more than [`STEP`]. Text is laid out in floats, whose last
-/// bits differ between processors: an edge of a letter may fall on the next pixel.
+/// Share of pixels that may differ by more than [`STEP`]. Text is laid out in floats, whose last bits differ
+/// between processors, so that the edge of a letter may fall on the next pixel.
 const SHARE: f64 = 0.002;
-/// The same of what a GPU draws: its edges and its filtering of letters are its own.
+/// The same for a GPU, whose edges and filtering of letters differ.
 const GPU_SHARE: f64 = 0.01;
-/// Steps of 255 by which a channel may differ.
+/// Tolerance of a channel in steps of 255.
 const STEP: u8 = 24;
 const GREEN: [u8; 3] = [0x24, 0x66, 0x4A];
 
-/// A picture of an interface.
+/// A test picture of an interface.
 pub(crate) struct Look {
     size: (u32, u32),
-    /// egui sizes its areas in the first of them; the last is seen.
+    /// egui determines the sizes of its areas in the first pass; the last pass is compared.
     frames: Vec<UiFrame>,
 }
 
 impl Look {
-    /// Of what `draw` puts over a plain green, told the number of the pass.
+    /// The interface drawn by `draw`, which gets the number of the pass, over plain green.
     pub(crate) fn new(
         size: (u32, u32),
         text_scale: f32,
@@ -57,7 +57,7 @@ impl Look {
         }
     }
 
-    /// Why it does not look like the picture at `path`, by whatever draws it.
+    /// The difference to the reference picture at `path`, for a renderer.
     pub(crate) fn differences(&self, path: &Path, gpu: Option<&Gpu>) -> Vec<String> {
         let processor = compare(path, self.size, &self.by_processor(), SHARE, "actual");
         let gpu = gpu.map(|gpu| compare(path, self.size, &gpu.draw(self), GPU_SHARE, "gpu.actual"));
@@ -88,14 +88,14 @@ impl Look {
     }
 }
 
-/// A GPU without a window.
+/// A GPU for drawing without a window.
 pub(crate) struct Gpu {
     device: wgpu::Device,
     queue: wgpu::Queue,
 }
 
 impl Gpu {
-    /// The first there is.
+    /// The first adapter found.
     pub(crate) fn open() -> Option<Self> {
         let opened = pollster::block_on(Self::request());
         match opened {
@@ -124,7 +124,7 @@ impl Gpu {
         Ok(Self { device, queue })
     }
 
-    /// As the window draws: encoded values, blended as they are.
+    /// A target like the window's: sRGB-encoded values, blended without decoding.
     fn draw(&self, look: &Look) -> Vec<u8> {
         let mut renderer = Renderer::new(&self.device, FORMAT, RendererOptions::default());
         for frame in &look.frames {
@@ -175,7 +175,7 @@ impl Gpu {
         })
     }
 
-    /// Red, green, blue of each pixel.
+    /// Red, green and blue of each pixel.
     fn read(&self, texture: &wgpu::Texture) -> Vec<u8> {
         let row_bytes = (texture.width() * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {

@@ -1,5 +1,5 @@
-//! A farm of five nodes that never was: three hundred pictures, first divided in equal parts, then by
-//! the nodes' speeds; the last node is lost.
+//! Synthetic farm of five nodes: three hundred pictures, first divided into equal parts, then by the nodes'
+//! speeds; the last node is lost.
 
 use carom_farm::quality::{QUALITY_LEVELS, QualityPreference};
 use carom_farm::{
@@ -13,10 +13,10 @@ use carom_window::stats::{Stats, StatsInput, StatsLevel};
 
 pub(crate) const SIZE: ImageSize = ImageSize::new(640, 360);
 pub(crate) const PICTURES: u64 = 300;
-/// From this picture on the nodes' speeds are known.
+/// The first picture for which the nodes' speeds are known.
 pub(crate) const CHANGE: u64 = 200;
 const EDGE: u16 = 16;
-/// Name, device, A in seconds, million samples a second.
+/// Name, device, A in seconds, and speed in million samples per second.
 const NODES: [(&str, &str, f64, f64); 5] = [
     ("local", "CPU, 16 lanes of AVX2", 0.0002, 3.0),
     ("gpu-1", "NVIDIA H200", 0.0031, 40.0),
@@ -25,7 +25,7 @@ const NODES: [(&str, &str, f64, f64); 5] = [
     ("gone", "Intel Arc A770", 0.0020, 12.0),
 ];
 
-/// Its nodes as they are at the end.
+/// The nodes' status at the end.
 pub(crate) fn nodes() -> Vec<NodeStatus> {
     let node = |&(name, device, fixed_secs, msamples_per_sec): &(&str, &str, f64, f64)| {
         let mut node = NodeStatus::new(format!("{name}.example:4433"));
@@ -73,7 +73,7 @@ pub(crate) fn input<'a>(nodes: &'a [NodeStatus]) -> StatsInput<'a> {
     }
 }
 
-/// An overlay that has seen all of it, at a level.
+/// An overlay at this level that has received all pictures.
 pub(crate) fn overlay(level: StatsLevel, folder: &std::path::Path) -> Stats {
     let mut stats = Stats::new(folder.to_path_buf());
     stats.set_level(level);
@@ -102,7 +102,7 @@ fn noise(picture: u64, node: usize) -> f64 {
     f64::from(uniforms(picture as u32, node as u32, 7, 0)[0])
 }
 
-/// Tiles at the top of the picture, where there is little to see, cost half of those below.
+/// Tiles at the top of the picture cost half of those below.
 fn tile_work(grid: TileGrid) -> Vec<f32> {
     let rows = grid.rows() as f32;
     let cost = |tile: u32| {

@@ -1,5 +1,4 @@
-//! The statistics over the picture, as a person meets them: by their words, by pressing them, and by
-//! how they look.
+//! Tests of the statistics overlay by its texts, by clicks, and by its appearance.
 
 mod fixture;
 #[path = "../looks/mod.rs"]
@@ -55,7 +54,7 @@ fn harness(level: StatsLevel, size: Vec2, text_scale: f32) -> Harness<'static, O
 
 const WINDOW: Vec2 = Vec2::new(1280.0, 720.0);
 
-/// Text and place of every label.
+/// Text and position of every label.
 fn labels(harness: &Harness<'_, OverlayFixture>) -> Vec<(String, Rect)> {
     let nodes = harness.root().children_recursive();
     let labels = nodes.filter(|node| node.accesskit_node().role() == Role::Label);
@@ -163,11 +162,11 @@ fn each_level_shows_what_the_one_before_does_and_more() {
     }
 }
 
-/// The numbers of the fixture, as anyone can work them out.
+/// The figures of the fixture, computed independently.
 #[test]
 fn the_numbers_are_those_of_the_pictures() {
     let harness = harness(StatsLevel::Full, WINDOW, 1.0);
-    // 300 pictures at 48 a second; every fortieth asked for four tiles again, one for 37 more.
+    // 300 pictures at 48 a second; every fortieth requested four tiles again, and one picture another 37.
     assert!(has(&harness, "frames/s 48.0"));
     assert!(has(&harness, "late 32") && has(&harness, "lost 37!") && has(&harness, "reissued 69"));
     assert!(has(&harness, "size 640x360 x 2"));
@@ -293,7 +292,7 @@ fn the_map_tells_whose_a_tile_is() {
     let mut harness = harness(StatsLevel::Full, WINDOW, 1.0);
     harness.get_by_label("owner").click();
     harness.run_steps(2);
-    // The last node that is there has the tiles at the bottom; the first, those at the top.
+    // The last node that is available has the tiles at the bottom, the first those at the top.
     harness.hover_at(Pos2::new(500.0, 440.0));
     harness.run_steps(2);
     assert!(
@@ -311,7 +310,7 @@ fn the_map_tells_whose_a_tile_is() {
     );
 }
 
-/// Every text that is drawn: its words, its place, and the part of the screen that it is cut to.
+/// Every text drawn: its words, its position, and its clip rectangle.
 fn texts(harness: &Harness<'_, OverlayFixture>) -> Vec<(String, Rect, Rect)> {
     let shapes = harness.output().shapes.iter();
     let text = |clipped: &egui::epaint::ClippedShape| match &clipped.shape {
@@ -338,7 +337,7 @@ fn nothing_overlaps_at_any_window_and_text_size() {
                 let case = format!("{level:?} at {size} x {text_scale}");
                 assert!(texts.len() >= 5, "{case}");
                 for (i, (text, rect, clip)) in texts.iter().enumerate() {
-                    // A row of the table is long; where it does not fit it is scrolled to.
+                    // A row of the table is long and is scrolled to where it does not fit.
                     let fits = rect.left() >= clip.left() && rect.right() <= clip.right() + 0.5;
                     assert!(
                         fits || text.len() > 100,
@@ -368,7 +367,8 @@ fn recording_begins_and_ends_with_its_level() {
     stats.set_level(StatsLevel::Off);
     take(&mut stats, PICTURES + 1);
     let lines = std::fs::read_to_string(folder.path().join("stats_0001.jsonl")).unwrap();
-    // All that came, also while the charts stood still, but for what the disk was too slow for.
+    // All pictures that arrived, also while the charts were frozen, except those for which the disk was too
+    // slow.
     let frames: Vec<u64> = lines
         .lines()
         .map(|line| {
@@ -386,7 +386,7 @@ fn recording_begins_and_ends_with_its_level() {
     assert_eq!(csv.lines().count(), 1 + frames.len() * nodes().len());
 }
 
-/// A picture that is framed in the free part comes to rest however long the sentences at the top are.
+/// A picture fitted into the free area comes to rest, however long the sentences at the top are.
 #[test]
 fn the_free_part_of_the_window_stays_as_the_line_wraps_anew() {
     struct Shown {
@@ -423,7 +423,7 @@ fn the_free_part_of_the_window_stays_as_the_line_wraps_anew() {
             harness.run_steps(4);
             harness.state().rooms.last().unwrap().top()
         };
-        // One node less is a line less of trouble.
+        // One absent node less is one line less.
         let [without, with, without_again] = [false, true, false].map(&mut top);
         assert!(with >= without, "{level:?}: {without}, {with}");
         assert_eq!(without_again, with, "{level:?} in {size:?}");

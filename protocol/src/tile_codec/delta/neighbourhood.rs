@@ -1,6 +1,6 @@
-//! Neighbourhood of a changed pixel: the pixels from which its value is predicted.
+//! Neighbourhood of a changed pixel, from which its value is predicted.
 
-/// A pixel's red, green and blue, the first lowest: one register instead of three.
+/// A pixel's red, green and blue from the lowest byte up: one register instead of three.
 #[derive(Clone, Copy)]
 pub(crate) struct PackedPixel(u32);
 
@@ -16,8 +16,8 @@ impl PackedPixel {
     }
 }
 
-/// The reference's pixel and the causal neighbours: those that a decoder has already. Where an edge
-/// of the tile leaves one out, the reference's pixel stands in.
+/// The reference's pixel and the causal neighbours, which a decoder has already. A neighbour beyond the
+/// edge of the tile is replaced by the reference's pixel.
 pub(crate) struct Neighbourhood {
     pub(crate) reference: PackedPixel,
     pub(crate) left: PackedPixel,
@@ -26,8 +26,8 @@ pub(crate) struct Neighbourhood {
 }
 
 impl Neighbourhood {
-    /// Neighbourhood of the pixel `index` in column `x`. `levels` are the tile's before it, and the
-    /// reference's from it on.
+    /// The neighbourhood of the pixel `index` in column `x`. `levels` holds new pixels before `index`, and
+    /// the reference's from it on.
     #[inline(always)]
     pub(crate) fn new(levels: &[[u8; 3]], index: usize, x: usize, width: usize) -> Self {
         let reference = PackedPixel::new(levels[index]);
@@ -44,15 +44,15 @@ impl Neighbourhood {
         }
     }
 
-    /// The pixel that is nearest to `green`, and its distance.
+    /// The pixel whose green is nearest to `green`, and the distance.
     #[inline(always)]
     pub(crate) fn nearest(&self, green: u8) -> ([u8; 3], u8) {
         let pixels = [self.reference, self.left, self.above, self.above_right];
-        // The minimum of keys with distance, order and pixel in one integer: comparing and branching
-        // mispredicts on noise, and one misprediction costs more than all of this.
+        // The minimum of keys that hold distance, order and pixel in one integer: comparisons with branches
+        // are mispredicted on noise, and one misprediction costs more than all of this.
         let key = |(pixel, order): (PackedPixel, u64)| {
             let distance = u64::from(pixel.green().abs_diff(green));
-            // The order breaks ties, so that encoder and decoder choose alike whatever the pixels' bytes.
+            // The order breaks ties by position, so that they do not depend on red and blue.
             distance << 32 | order << 24 | u64::from(pixel.0)
         };
         let keys = pixels.into_iter().zip(0..).map(key);

@@ -1,4 +1,4 @@
-//! Reference tiles: what both ends of a connection remember of the tiles that were sent.
+//! Reference tiles: the sent tiles that both ends of a connection remember.
 
 use std::sync::Arc;
 
@@ -10,25 +10,26 @@ use crate::tile_codec::transform::quantise::rounded;
 /// An sRGB tile that was sent, against which later tiles are delta-coded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReferenceTile {
-    /// Row-major. Of a lossy tile the client remembers the decoded pixels and the node the original
-    /// ones, since it does not decode: the tile can be repeated, but not delta-coded against.
+    /// Row-major. For a lossy tile the client keeps the decoded pixels and the node, which does not decode,
+    /// the original ones: such a tile can be repeated, but nothing can be delta-coded against it.
     pub(crate) pixels: Box<[[u8; 3]]>,
     pub(crate) precision: PixelPrecision,
 }
 
 impl ReferenceTile {
-    /// Bytes of its pixels.
+    /// Number of bytes of its pixels.
     pub fn bytes(&self) -> usize {
         self.pixels.as_flattened().len()
     }
 
-    /// The pixels against which a tile of `pixels` pixels can be delta-coded at `precision`.
+    /// The pixels against which a tile of `pixels` pixels can be delta-coded at `precision`; `None` if either
+    /// precision is lossy or the sizes differ.
     pub(crate) fn base(&self, precision: PixelPrecision, pixels: usize) -> Option<&[[u8; 3]]> {
         let exact = self.precision.step().is_some() && precision.step().is_some();
         (exact && self.pixels.len() == pixels).then_some(&*self.pixels)
     }
 
-    /// This reference at `precision`, if tiles can be delta-coded against it.
+    /// This reference requantised to `precision`, if tiles can be delta-coded against it.
     pub(crate) fn at_precision(
         self: &Arc<Self>,
         precision: PixelPrecision,
@@ -42,7 +43,8 @@ impl ReferenceTile {
         Some(Arc::new(Self { pixels, precision }))
     }
 
-    /// Counts the `pixels` of the same tile that differ from this; all, if it has another size.
+    /// Number of `pixels` of the same tile that differ from this one at its precision; all if the sizes
+    /// differ.
     pub(crate) fn count_changed(&self, width: u32, pixels: &[[u8; 3]]) -> usize {
         if self.pixels.len() != pixels.len() {
             return pixels.len();
@@ -63,14 +65,14 @@ impl ReferenceTile {
 pub struct DeltaStats {
     /// Pixels of tiles with a reference.
     pub referenced: usize,
-    /// Pixels of those that differ from it.
+    /// Pixels of those tiles that differ from their reference.
     pub changed: usize,
-    /// Pixels of tiles that cannot be delta-coded: they have no reference, or a lossy one.
+    /// Pixels of tiles that cannot be delta-coded, for want of a reference or because it is lossy.
     pub intra: usize,
 }
 
 impl DeltaStats {
-    /// Adds a tile; `changed` is `None` without a reference.
+    /// Adds a tile; `changed` is `None` for one without a reference.
     pub(crate) fn add(&mut self, pixels: usize, is_intra: bool, changed: Option<usize>) {
         if let Some(changed) = changed {
             self.referenced += pixels;

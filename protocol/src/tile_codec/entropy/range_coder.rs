@@ -7,25 +7,26 @@
 
 use std::hint::select_unpredictable;
 
-/// One end of a message of bits.
+/// One end of a bit stream.
 pub(crate) trait Coder {
-    /// An encoder writes `bit`; a decoder knows no better and is told it. Either end learns.
+    /// Codes one bit: an encoder writes `bit`, a decoder ignores it. Returns the bit; the model adapts.
     fn bit(&mut self, model: &mut BitModel, bit: bool) -> bool;
 
-    /// The same for up to 8 bits at once that are as likely 0 as 1.
+    /// Codes up to 8 bits of equal probability at once, without a model.
     fn raw(&mut self, count: u32, bits: u32) -> u32;
 }
 
-/// Probability of a bit in one context: the share of zeros at first, then an exponential average.
+/// Adaptive probability of a bit in one context: an average over all bits at first, later an exponential one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BitModel {
-    /// Probability of 0, of 2¹⁶.
+    /// Probability of 0, in units of 2⁻¹⁶.
     zero: u16,
+    /// Number of bits seen, at most [`SEEN_MAX`].
     seen: u16,
 }
 
 impl BitModel {
-    /// As likely 0 as 1.
+    /// 0 and 1 equally likely.
     pub(crate) const NEW: Self = Self {
         zero: 1 << 15,
         seen: 0,
@@ -35,36 +36,36 @@ impl BitModel {
     fn learn(&mut self, bit: bool) {
         let target = select_unpredictable(bit, PROBABILITY_MIN, (1 << 16) - PROBABILITY_MIN);
         let error = target - i32::from(self.zero);
-        // Integers alone: encoder and decoder must agree to the last bit on every machine. The shift
-        // rounds towards −∞, and the targets are inside of 0 and 2¹⁶, so that no probability ever becomes
-        // 0.
+        // Integers alone: encoder and decoder must agree to the last bit on every machine. The shift rounds
+        // towards −∞, and the targets lie strictly between 0 and 2¹⁶, so no probability ever becomes 0.
         self.zero = (i32::from(self.zero) + ((error * RATES[usize::from(self.seen)]) >> 16)) as u16;
         self.seen = (self.seen + 1).min(SEEN_MAX);
     }
 }
 
-/// Encoder of a message, which is a number below 1.
+/// Encoder of a message, which is a binary fraction from 0 to below 1.
 #[derive(Debug)]
 pub(crate) struct RangeEncoder {
-    /// Its last 64 bits, not written yet.
+    /// The last 64 bits of the fraction so far, not yet written.
     low: u64,
-    /// How much may still be added: divided bit by bit in the proportion of the probabilities.
+    /// Width of the interval above `low`, which each bit divides in proportion to the probabilities.
     range: u64,
     bytes: Vec<u8>,
 }
 
 impl RangeEncoder {
-    /// Appends to `bytes`.
+    /// An encoder that appends to `bytes`.
     pub(crate) fn new(bytes: Vec<u8>) -> Self {
         let (low, range) = (0, u64::MAX);
         Self { low, range, bytes }
     }
 
-    /// What was there before, and the message in the fewest bytes: `low` is rounded up to a multiple
-    /// of the largest power of two below `range`, whose trailing zeros need not be written.
+    /// The bytes from before and the message, as short as possible: `low` is rounded up to a multiple of the
+    /// largest power of two not above `range`, whose trailing zero bytes are not written.
     pub(crate) fn finish(mut self) -> Vec<u8> {
-        // A power of two at most as large as the range has a multiple within it.
+        // A power of two not above the width of an interval has a multiple in it.
         let zeros = (1 << self.range.ilog2()) - 1;
+        // −low modulo the power of two is the distance to its next multiple.
         self.add(self.low.wrapping_neg() & zeros);
         let last = &self.low.to_be_bytes()[..last_bytes(self.range)];
         self.bytes.extend_from_slice(last);
@@ -80,8 +81,8 @@ impl RangeEncoder {
         }
     }
 
-    /// Propagates a carry into bytes that are written already, at most to the first of the message,
-    /// since the whole is below 1.
+    /// Propagates a carry into bytes already written. It never passes the first byte of the message, since
+    /// the fraction is below 1.
     fn carry(&mut self) {
         for byte in self.bytes.iter_mut().rev() {
             *byte = byte.wrapping_add(1);
@@ -96,7 +97,8 @@ impl RangeEncoder {
         if self.range < RANGE_MIN {
             let word = (self.low >> 32) as u32;
             self.bytes.extend_from_slice(&word.to_be_bytes());
-            // Once is enough: a bit leaves at least 32 / 2¹⁶ of a range of 2³², eight raw bits a 256th.
+            // One shift is enough: a bit leaves at least 32 / 2¹⁶ of a range of 2³² or more, eight raw bits
+            // 1/256.
             self.low <<= 32;
             self.range <<= 32;
         }
@@ -106,8 +108,8 @@ impl RangeEncoder {
 impl Coder for RangeEncoder {
     #[inline(always)]
     fn bit(&mut self, model: &mut BitModel, bit: bool) -> bool {
-        // `shift` keeps the range at 2³² or more, so that 16 bits are left to divide and neither part is
-        // empty.
+        // `shift` keeps the range at 2³² or more, so that 16 or more bits of it are divided and neither part
+        // is empty.
         let zeros = (self.range >> 16) * u64::from(model.zero);
         if bit {
             self.add(zeros);
@@ -129,14 +131,14 @@ impl Coder for RangeEncoder {
     }
 }
 
-/// Decoder of a message, behind which it reads zeros.
+/// Decoder of a message, which is followed by zeros without end.
 #[derive(Debug)]
 pub(crate) struct RangeDecoder<'a> {
-    /// How much of `range` lies below the message.
+    /// Offset of the message's fraction above the interval's lower end, on the scale of `range`.
     code: u64,
     range: u64,
     rest: &'a [u8],
-    /// Bytes that were read after the end.
+    /// Number of bytes read after the end.
     lacking: usize,
 }
 
@@ -193,7 +195,7 @@ impl Coder for RangeDecoder<'_> {
     fn bit(&mut self, model: &mut BitModel, _: bool) -> bool {
         let zeros = (self.range >> 16) * u64::from(model.zero);
         let bit = self.code >= zeros;
-        // Mispredicted branches on noise made decoding a sixth slower.
+        // Selection without branches: mispredicted ones on noise made decoding a sixth slower.
         self.code -= select_unpredictable(bit, zeros, 0);
         self.range = select_unpredictable(bit, self.range - zeros, zeros);
         model.learn(bit);
@@ -204,7 +206,7 @@ impl Coder for RangeDecoder<'_> {
     #[inline(always)]
     fn raw(&mut self, count: u32, _: u32) -> u32 {
         self.range >>= count;
-        // Above the maximum only in bytes that no encoder wrote.
+        // Above the maximum only for bytes that no encoder wrote.
         let bits = (self.code / self.range).min((1 << count) - 1);
         self.code -= bits * self.range;
         self.shift();
@@ -212,19 +214,21 @@ impl Coder for RangeDecoder<'_> {
     }
 }
 
-/// Bytes of `low` that must be written at the end: some multiple of a power of two that `range`
-/// holds lies within it, and nothing but zeros comes after.
+/// Number of leading bytes of `low` that must be written at the end: the interval contains a multiple of the
+/// largest power of two not above `range`, and the decoder reads zeros after it.
 fn last_bytes(range: u64) -> usize {
     (64 - range.ilog2()).div_ceil(8) as usize
 }
 
-/// Below it the next 32 bits are shifted in, so that likelihoods always have 16 bits to divide.
+/// Below this width the next 32 bits are shifted in, so that a 16-bit probability has at least 16 bits of it
+/// to divide.
 const RANGE_MIN: u64 = 1 << 32;
-/// Neither value is ever taken to be less likely than a two-thousandth.
+/// Minimum probability of either value, in units of 2⁻¹⁶: 1 / 2048.
 const PROBABILITY_MIN: i32 = 32;
-/// What a bit counts for once this many have been seen. Twice as many made tiles 1 % larger.
+/// Number of bits after which their weight stays constant. Twice as many made tiles 1 % larger.
 const SEEN_MAX: u16 = 30;
-/// Of 2¹⁶: what a bit counts for when so many have been seen.
+/// Weight of the next bit after n bits, in units of 2⁻¹⁶: 1 / (n + 2.5), which makes the probability the mean
+/// of the bits and of a prior of ½ that weighs as much as 1.5 bits.
 const RATES: [i32; SEEN_MAX as usize + 1] = {
     let mut rates = [0; SEEN_MAX as usize + 1];
     let mut seen = 0;
@@ -241,7 +245,7 @@ mod tests {
 
     use super::*;
 
-    /// What to code: the number of a model and a bit, or as many raw bits.
+    /// Symbol to code: a model's index and a bit, or a number of raw bits.
     #[derive(Clone, Copy, Debug)]
     enum Step {
         Bit(usize, bool),
@@ -269,7 +273,7 @@ mod tests {
     }
 
     fn steps() -> impl Strategy<Value = Vec<Step>> {
-        // The first model's bits are nearly always 1, the second's 0: both ends of the range.
+        // The first model's bits are nearly always 1 and the second's 0: both ends of the probability range.
         let bit = (0..4usize, any::<u8>()).prop_map(|(model, random)| {
             let bit = match model {
                 0 => random != 0,
@@ -330,7 +334,7 @@ mod tests {
         for index in 0..8000 {
             encoder.bit(&mut model, index % 20 == 0);
         }
-        // A bit of 1 in 20 has 0.286 bits of information, a regular one even none.
+        // A bit of probability 1/20 has 0.286 bits of entropy; one in a regular sequence has none.
         let bytes = encoder.finish().len();
         assert!(bytes < 8000 * 35 / 100 / 8, "{bytes}");
     }

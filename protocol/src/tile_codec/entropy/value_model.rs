@@ -1,14 +1,14 @@
-//! Model of values that are mostly near 0: differences from a prediction.
+//! Adaptive model of values that are mostly near a prediction.
 
 use std::hint::select_unpredictable;
 
 use super::range_coder::{BitModel, Coder};
 
-/// Adaptive model of values near 0, in the manner of an Exp-Golomb code: whether it is 0, the length
-/// of its magnitude in unary, the bits below the uppermost one, and the sign.
+/// Adaptive model of differences near 0, in the manner of an Exp-Golomb code: whether it is 0, the position
+/// of the magnitude's top bit in unary, the bits below it, and the sign.
 ///
-/// The sign and the length are what contexts predict; of the bits below only the first is modelled,
-/// the others are as likely 0 as 1 and are coded raw.
+/// Only the position, the sign and the bit right below the top one are modelled; lower bits are nearly
+/// equiprobable and are coded raw.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ValueModel {
     is_nonzero: BitModel,
@@ -27,7 +27,7 @@ impl ValueModel {
     };
 
     /// Codes `wanted`, which a decoder ignores, as a difference from the prediction `expected`.
-    /// Returns the value and the difference. `lean` selects the model of the sign.
+    /// Returns the value and the difference. `lean` (0 to 2) selects the model of the sign.
     #[inline(always)]
     pub(crate) fn code<C: Coder>(
         &mut self,
@@ -42,16 +42,19 @@ impl ValueModel {
         }
         let size = self.magnitude(coder, u32::from(difference.unsigned_abs()));
         let is_negative = coder.bit(&mut self.negative[lean], difference < 0);
-        // The sign of noise is unpredictable for the processor as well.
+        // The sign of noise is unpredictable for the branch predictor as well.
         let difference = select_unpredictable(is_negative, -size, size);
+        // Truncation to 8 bits leaves the sum modulo 256 exact; a sum out of range, from hostile bytes,
+        // wraps.
         (expected.wrapping_add_signed(difference as i8), difference)
     }
 
-    /// Codes a magnitude of 1 to 255.
+    /// Codes a magnitude of 1 to 255, and returns it.
     #[inline(always)]
     fn magnitude<C: Coder>(&mut self, coder: &mut C, wanted: u32) -> i16 {
         let below_top = wanted.checked_ilog2().unwrap_or(0);
         let mut length = 0;
+        // A magnitude of at most 255 has its top bit at 7 or below, so a seventh 1 needs no terminating 0.
         while length < 7 && coder.bit(&mut self.longer[length as usize], length < below_top) {
             length += 1;
         }

@@ -1,15 +1,16 @@
-//! Plane transform of linear pixels: the bits of floats to byte planes of small differences, and back.
+//! Plane transform of linear pixels: bits of floats to byte planes of small differences, and back.
 //!
-//! As integers, bits of floats differ roughly as the logarithms of their values do. Red and blue
-//! become their differences from green; each channel is predicted by its left neighbour, in the
-//! first column by the pixel above; and each byte of the differences goes to a plane of its own.
+//! Interpreted as integers, positive floats are nearly linear in the logarithms of their values, so that
+//! differences stand for ratios. Red and blue become differences from green; each channel is predicted from
+//! its left neighbour, in the first column from the pixel above; and each byte of the differences goes to a
+//! plane of its own.
 
 use carom_tracer::Tile;
 
-/// Fills `planes` with those of the samples of all tiles.
+/// Fills `planes` with those of all tiles, in the order green, red, blue.
 ///
 /// # Panics
-/// If `planes` has another length than the samples.
+/// If `planes` has not the length of all samples.
 #[inline(always)]
 pub(crate) fn forward<S: Sample>(
     planes: &mut [u8],
@@ -25,8 +26,8 @@ pub(crate) fn forward<S: Sample>(
         for row in radiance.chunks_exact(tile.width as usize) {
             let [g, r, b] = channels.each_mut().map(|c| &mut c[start..][..row.len()]);
             let mut left = above;
-            // The first pixel of a row is predicted from the one above: the end of the row before lies on
-            // the other side of the tile.
+            // The first pixel of a row is predicted from the one above: the previous pixel, at the end of the
+            // row before, lies at the other side of the tile.
             above = subtract_green(sample(row[0]));
             for (((pixel, g), r), b) in row.iter().zip(g).zip(r).zip(b) {
                 let value = subtract_green(sample(*pixel));
@@ -42,10 +43,10 @@ pub(crate) fn forward<S: Sample>(
     }
 }
 
-/// The pixels of all tiles from their planes.
+/// The pixels of all tiles, from their planes.
 ///
 /// # Panics
-/// If `planes` has another length than the samples.
+/// If `planes` has not the length of all samples.
 #[inline(always)]
 pub(crate) fn inverse<S: Sample>(planes: &[u8], tiles: &[Tile]) -> Vec<[S; 3]> {
     let count = planes.len() / (3 * size_of::<S>());
@@ -62,6 +63,7 @@ pub(crate) fn inverse<S: Sample>(planes: &[u8], tiles: &[Tile]) -> Vec<[S; 3]> {
         for _ in 0..tile.height {
             let [g, r, b] = channels.each_ref().map(|c| &c[start..][..width]);
             let mut left = above;
+            // The value of this row's first pixel, which predicts that of the next row.
             above = sum([g[0], r[0], b[0]], above);
             let row = &mut pixels[start..][..width];
             for (((pixel, &g), &r), &b) in row.iter_mut().zip(g).zip(r).zip(b) {
@@ -95,16 +97,16 @@ fn sum<S: Sample>(difference: [S; 3], prediction: [S; 3]) -> [S; 3] {
     std::array::from_fn(|channel| prediction[channel].plus(difference[channel]))
 }
 
-/// The integer of a channel.
+/// Integer with the bits of a channel's float.
 pub(crate) trait Sample: Copy + Default {
-    /// The sum modulo 2ⁿ.
+    /// Sum modulo 2ⁿ.
     fn plus(self, other: Self) -> Self;
-    /// The difference modulo 2ⁿ.
+    /// Difference modulo 2ⁿ.
     fn minus(self, other: Self) -> Self;
-    /// A channel's differences to its planes, the uppermost byte first. Where there are several,
-    /// differences are folded, so that small ones of either sign have zeros in the upper planes.
+    /// Writes a channel's differences to its planes, the most significant byte first. They are zigzag-coded,
+    /// so that small ones of either sign have zeros in the upper planes.
     fn forward(channel: &[Self], planes: &mut [u8]);
-    /// The inverse of [`Sample::forward`].
+    /// Inverse of [`Sample::forward`].
     fn inverse(channel: &mut [Self], planes: &[u8]);
 }
 
@@ -122,7 +124,7 @@ impl Sample for u16 {
     fn forward(channel: &[Self], planes: &mut [u8]) {
         let (high, low) = planes.split_at_mut(channel.len());
         for ((&difference, high), low) in channel.iter().zip(high).zip(low) {
-            // Zigzag: 0, -1, 1, -2 … become 0, 1, 2, 3 …
+            // Zigzag code: 0, −1, 1, −2 … become 0, 1, 2, 3 …
             let sign = (difference.cast_signed() >> 15).cast_unsigned();
             [*high, *low] = ((difference << 1) ^ sign).to_be_bytes();
         }

@@ -1,8 +1,8 @@
 //! Quantisation: each channel value to the nearest level that a precision keeps, and back.
 //!
-//! Each value is quantised by itself, so that an error depends on nothing but the pixel and its row.
+//! Values are quantised independently, so that an error depends on nothing but the pixel and its row.
 
-/// The green, red and blue planes of a tile, or of the tiles of a message one behind the other.
+/// Green, red and blue planes of a tile, or of all tiles of a message one after the other.
 pub(crate) type Channels = [Vec<u8>; 3];
 
 #[inline(always)]
@@ -11,14 +11,14 @@ pub(crate) fn resized(plane: &mut Vec<u8>, length: usize) -> &mut [u8] {
     plane
 }
 
-/// Offsets of a row's levels from multiples of the step, row after row: an ordered dither.
+/// Offset of the levels from multiples of the step in each row, repeated cyclically: an ordered dither.
 ///
-/// A soft surface is rounded up in one row and down in the next, so that the eye, like FLIP, sees
-/// the mean of rows instead of bands of false colour. Denoised frames within one level have a FLIP
-/// of 0.010 so, against 0.035 with levels that are the same in each row, for a quarter more bytes
-/// at most.
+/// A smooth surface is rounded up in one row and down in the next, so that the eye, like the metric FLIP,
+/// perceives the mean of the rows instead of bands of false colour. Denoised frames within one level have a
+/// FLIP of 0.010 with it and 0.035 with the same levels in each row, for at most a quarter more bytes.
 #[inline(always)]
 fn shifts(step: u8) -> &'static [i8] {
+    // Each residue modulo the step occurs once in a cycle, so that the levels are unbiased over it.
     match step {
         1 => &[0],
         3 => &[-1, 0, 1],
@@ -27,7 +27,7 @@ fn shifts(step: u8) -> &'static [i8] {
     }
 }
 
-/// The levels of a tile, in steps.
+/// Quantises a tile: values to indices of levels.
 #[inline(always)]
 pub(crate) fn quantised(step: u8, width: usize, pixels: &[[u8; 3]]) -> Vec<[u8; 3]> {
     let mut levels = pixels.to_vec();
@@ -43,7 +43,7 @@ pub(crate) fn quantised(step: u8, width: usize, pixels: &[[u8; 3]]) -> Vec<[u8; 
     levels
 }
 
-/// The levels of a tile, channel by channel.
+/// As [`quantised`], into a plane for each channel.
 #[inline(always)]
 pub(crate) fn quantise_planes(planes: &mut Channels, step: u8, width: usize, pixels: &[[u8; 3]]) {
     let levels = quantised(step, width, pixels);
@@ -53,7 +53,7 @@ pub(crate) fn quantise_planes(planes: &mut Channels, step: u8, width: usize, pix
     }
 }
 
-/// Levels to values, in place.
+/// Indices of levels to values, in place.
 #[inline(always)]
 pub(crate) fn dequantise(step: u8, width: usize, levels: &mut [[u8; 3]]) {
     if step == 1 {
@@ -67,7 +67,7 @@ pub(crate) fn dequantise(step: u8, width: usize, levels: &mut [[u8; 3]]) {
     }
 }
 
-/// `pixels`, each channel at the nearest level.
+/// `pixels` with each channel at the nearest level.
 #[inline(always)]
 pub(crate) fn rounded(step: u8, width: usize, pixels: &[[u8; 3]]) -> Box<[[u8; 3]]> {
     let mut rounded = quantised(step, width, pixels);
@@ -75,23 +75,25 @@ pub(crate) fn rounded(step: u8, width: usize, pixels: &[[u8; 3]]) -> Box<[[u8; 3
     rounded.into_boxed_slice()
 }
 
-/// The step is a constant so that the compiler multiplies by its reciprocal, many values at once.
+/// Divides to the nearest level. The step is a constant, so that the compiler multiplies by its reciprocal in
+/// SIMD.
 #[inline(always)]
 fn divide<const STEP: u16>(values: &mut [u8], shift: i8) {
-    // Nearest level of a row whose levels are moved by `shift`: (v − shift + step/2) / step. Never below
-    // 0, since the shift is at most half a step.
+    // Level nearest to v in a row whose levels are offset by `shift`: ⌊(v − shift + ⌊step / 2⌋) / step⌋. The
+    // numerator is never negative, since the shift is at most half a step.
     let half = (STEP / 2).wrapping_add_signed(-i16::from(shift));
     for value in values {
         *value = ((u16::from(*value) + half) / STEP) as u8;
     }
 }
 
-/// Saturates, since the outermost levels lie at the ends of a byte; so does a level of hostile bytes.
+/// Multiplies levels back to values. Saturates at 0 and 255, beyond which the outermost levels of a shifted
+/// row lie, and for invalid levels from hostile bytes.
 #[inline(always)]
 fn multiply<const STEP: u8>(levels: &mut [u8], shift: i8) {
     let [up, down] = [shift, -shift].map(|shift| shift.max(0).cast_unsigned());
     for level in levels {
-        // Both factors are whole: 255 is a multiple of 3 and of 5.
+        // 255 is a multiple of 3 and of 5, so the largest index is exact.
         let value = (*level).min(255 / STEP).wrapping_mul(STEP);
         *level = value.saturating_add(up).saturating_sub(down);
     }
@@ -101,7 +103,7 @@ fn multiply<const STEP: u8>(levels: &mut [u8], shift: i8) {
 mod tests {
     use super::*;
 
-    /// Each value, in each of many rows.
+    /// Every byte value, in each of 12 rows of 256 pixels.
     fn values() -> Vec<[u8; 3]> {
         let pixels = (0..12).flat_map(|row| (0..=255).map(move |value| [value, 255 - value, row]));
         pixels.collect()

@@ -1,7 +1,7 @@
 //! Forward plane transform of sRGB tiles: levels to planes of differences.
 //!
-//! An intra tile holds differences from the left neighbour, in the first column from the pixel
-//! above. A delta tile holds a mask of the pixels that differ from the reference, a bit a pixel,
+//! An intra tile consists of differences from the left neighbour, in the first column from the pixel
+//! above. A delta tile consists of a mask of the pixels that differ from the reference, one bit a pixel,
 //! and the differences of those alone. Channels are predicted independently of each other.
 
 use carom_tracer::Tile;
@@ -10,10 +10,10 @@ use fearless_simd::{Level, dispatch};
 use super::quantise::{Channels, quantise_planes, resized};
 use crate::tile_codec::header::TileMode;
 
-/// Forward transform of the tiles of a message, one after the other; its buffers are used again.
+/// Forward transform of the tiles of a message, one after the other; its buffers are reused.
 #[derive(Debug, Default)]
 pub(crate) struct ForwardTransform {
-    /// A bit a pixel of the delta tiles, the first pixel's the lowest; each tile begins a byte.
+    /// Masks of the delta tiles, one bit a pixel, the first pixel's the lowest; each tile begins a byte.
     masks: Vec<u8>,
     planes: Channels,
     levels: Channels,
@@ -29,7 +29,7 @@ impl ForwardTransform {
         self.planes.iter_mut().for_each(Vec::clear);
     }
 
-    /// The masks, then the planes of green, red and blue.
+    /// Writes the masks, then the planes of green, red and blue.
     pub(crate) fn write(&self, out: &mut Vec<u8>) {
         out.clear();
         out.extend_from_slice(&self.masks);
@@ -38,8 +38,8 @@ impl ForwardTransform {
         }
     }
 
-    /// Appends a tile. Returns its mode and the number of its pixels that differ from the
-    /// reference, which are all pixels if there is none.
+    /// Appends a tile. Returns its mode and the number of its pixels that differ from the reference, which
+    /// are all if there is none.
     pub(crate) fn append(
         &mut self,
         level: Level,
@@ -51,7 +51,7 @@ impl ForwardTransform {
         dispatch!(level, _ => self.append_wide(step, tile, pixels, reference))
     }
 
-    /// Plain loops over bytes, which the compiler turns into the instructions of each level.
+    /// Plain loops over bytes, which the compiler vectorises for each instruction set of `dispatch!`.
     #[inline(always)]
     fn append_wide(
         &mut self,
@@ -98,7 +98,7 @@ impl ForwardTransform {
         for ((g, r), b) in groups {
             let mut mask = 0;
             for (bit, ((g, r), b)) in g.iter().zip(r).zip(b).enumerate() {
-                // Differences are taken modulo 256, so that 0 means equal and nothing else does.
+                // Differences are modulo 256, so only equal values have difference 0.
                 if (g | r | b) != 0 {
                     mask |= 1 << bit;
                     self.planes[0].push(*g);
@@ -128,8 +128,8 @@ fn subtract_neighbours(out: &mut [u8], levels: &[u8], width: usize) {
     }
 }
 
-/// Sum of magnitudes: in proportion to the compressed size, near enough to choose by, and a
-/// hundredth of the time that compressing both would take.
+/// Sum of magnitudes: nearly proportional to the compressed size, and a hundredth of the time of compressing
+/// both alternatives.
 #[inline(always)]
 fn cost(differences: &Channels) -> u32 {
     let magnitude = |difference: &u8| u32::from(difference.cast_signed().unsigned_abs());
@@ -139,7 +139,7 @@ fn cost(differences: &Channels) -> u32 {
         .sum()
 }
 
-/// Pixels with a difference in any channel.
+/// Number of pixels with a difference in any channel.
 #[inline(always)]
 fn count_changed([green, red, blue]: &Channels) -> usize {
     let differences = green.iter().zip(red).zip(blue);
@@ -148,6 +148,6 @@ fn count_changed([green, red, blue]: &Channels) -> usize {
         .count()
 }
 
-/// Up to the half of its pixels changed, a tile is a delta tile without looking at neighbours: a
-/// pixel that is not marked takes no byte in any plane.
+/// If at most one in this many pixels has changed, the tile is delta-coded without computing the intra
+/// alternative: an unmarked pixel takes no byte in any plane.
 const MASK_PART: usize = 2;

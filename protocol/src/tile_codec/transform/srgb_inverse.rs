@@ -8,19 +8,19 @@ use super::quantise::{dequantise, quantised};
 /// Inverse transform of the tiles of a message, one after the other.
 pub(crate) struct InverseTransform<'a> {
     masks: &'a [u8],
-    /// What is left of green, red and blue.
+    /// Unread remainders of the green, red and blue planes.
     planes: [&'a [u8]; 3],
     level: Level,
 }
 
 impl<'a> InverseTransform<'a> {
-    /// Bytes of a delta tile's mask.
+    /// Number of bytes of a delta tile's mask.
     pub(crate) fn mask_bytes(tile: Tile) -> usize {
         tile.pixels().div_ceil(8)
     }
 
-    /// Planes behind `mask_bytes` bytes of masks. `None` if they are not exactly as long as
-    /// `intra` pixels and the marked ones need.
+    /// An inverse transform of masks, which are the first `mask_bytes` bytes, and planes. `None` if the
+    /// planes do not have exactly the length of `intra` pixels and the marked ones.
     pub(crate) fn new(
         level: Level,
         planes: &'a [u8],
@@ -29,7 +29,7 @@ impl<'a> InverseTransform<'a> {
     ) -> Option<Self> {
         let (masks, rest) = planes.split_at_checked(mask_bytes)?;
         let length = intra + count_marked(masks);
-        // Checked once for the whole message: from here on no slice of a plane can be too short.
+        // Checked once for the whole message: from here on no plane can be too short.
         (rest.len() == 3 * length).then(|| Self {
             masks,
             planes: [0, 1, 2].map(|channel| &rest[channel * length..][..length]),
@@ -42,7 +42,7 @@ impl<'a> InverseTransform<'a> {
         dispatch!(self.level, _ => self.intra_tile_wide(pixels, step, width));
     }
 
-    /// Plain loops over bytes, which the compiler turns into the instructions of each level.
+    /// Plain loops over bytes, which the compiler vectorises for each instruction set of `dispatch!`.
     #[inline(always)]
     fn intra_tile_wide(&mut self, pixels: &mut [[u8; 3]], step: u8, width: usize) {
         let differences = self.take(pixels.len());
@@ -50,7 +50,7 @@ impl<'a> InverseTransform<'a> {
         dequantise(step, width, pixels);
     }
 
-    /// Writes the pixels of a delta tile. `None` if its mask marks pixels that it does not have.
+    /// Writes the pixels of a delta tile. `None` if its mask marks pixels outside the tile.
     pub(crate) fn delta_tile(
         &mut self,
         pixels: &mut [[u8; 3]],
@@ -73,8 +73,7 @@ impl<'a> InverseTransform<'a> {
         let (mask, rest) = self.masks.split_at(Self::mask_bytes(tile));
         self.masks = rest;
         let differences = self.take(count_marked(mask));
-        // At this precision's levels, as the encoder took its differences, whatever precision the
-        // reference was sent at.
+        // Requantised to this precision, as by the encoder, whatever precision the reference was sent at.
         pixels.copy_from_slice(&quantised(step, width, reference));
         add_marked(pixels, mask, differences)?;
         dequantise(step, width, pixels);
@@ -96,7 +95,7 @@ fn count_marked(mask: &[u8]) -> usize {
     mask.iter().map(|byte| byte.count_ones() as usize).sum()
 }
 
-/// Running sums of all three channels at once: each sum waits for the one before it, and three
+/// Prefix sums of all three channels at once: each sum depends on the one before it, and three
 /// independent chains hide that latency.
 #[inline(always)]
 fn add_neighbours(pixels: &mut [[u8; 3]], [g, r, b]: [&[u8]; 3], width: usize) {
@@ -117,14 +116,14 @@ fn add_neighbours(pixels: &mut [[u8; 3]], [g, r, b]: [&[u8]; 3], width: usize) {
     }
 }
 
-/// Adds the differences of the marked pixels to `levels`, which are the reference's until then.
+/// Adds the differences of the marked pixels to `levels`, which are the reference's.
 #[inline(always)]
 fn add_marked(levels: &mut [[u8; 3]], mask: &[u8], [g, r, b]: [&[u8]; 3]) -> Option<()> {
     let mut differences = g.iter().zip(r).zip(b);
     for (group, &mask) in levels.chunks_mut(8).zip(mask) {
         let mut mask = mask;
         while mask != 0 {
-            // A hostile mask may mark pixels behind the end of the last group.
+            // A hostile mask may mark pixels past the end of the last group.
             let pixel = group.get_mut(mask.trailing_zeros() as usize)?;
             let ((g, r), b) = differences.next()?;
             let [red, green, blue] = *pixel;
@@ -153,7 +152,7 @@ mod tests {
         height: 29,
     };
 
-    /// Soft light with noise; one pixel in `part` is noisy.
+    /// A smooth gradient in which one pixel in `part` is noisy.
     fn picture(seed: u32, part: u32) -> Vec<[u8; 3]> {
         let pixel = |index: u32| {
             let soft = 40 + index / 11;
@@ -164,7 +163,7 @@ mod tests {
         (0..TILE.pixels() as u32).map(pixel).collect()
     }
 
-    /// The two ends of a connection may have other processors.
+    /// The two ends of a connection may have processors with different instruction sets.
     #[test]
     fn simd_levels_transform_alike() {
         let (now, dense, sparse) = (picture(1, 1), picture(2, 1), picture(2, 5));
