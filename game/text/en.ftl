@@ -896,6 +896,7 @@ state-points = { $points } points
 state-attempt = attempt { $attempt } of { $all }
 state-run = break { $run }
 state-fouls = fouls in a row: { $fouls }
+verdict-conceded = conceded
 verdict-chose = chose to { $choice }
 verdict-fouls-warning = { $fouls } fouls in a row: one more is punished
 verdict-fouls-punished = { $fouls } fouls in a row

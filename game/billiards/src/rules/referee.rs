@@ -334,7 +334,7 @@ impl Referee {
     pub fn concede(&mut self) -> Verdict {
         let mut verdict = Verdict::default();
         if self.scores.len() > 1 && self.winner.is_none() {
-            verdict.add_line("conceded");
+            verdict.add_line(text!("verdict-conceded"));
             self.winner = Some(self.other());
         }
         verdict
