@@ -5,7 +5,7 @@
 //! |---|---|
 //! | 0 | position in cells from the block's first node, less one half; state variable |
 //! | 1, 2 | deformation gradient by columns, entries 0 to 7 |
-//! | 3 | its entry 8; volume in m³; indices of material (8 bits) and particle (24); rounding error of momentum |
+//! | 3 | entry 8; volume in m³; indices of material (8 bits) and particle (24); rounding error of momentum |
 //! | 4, 5, 6 | velocity in m/s; affine velocity by columns |
 
 use std::collections::HashMap;
