@@ -11,7 +11,8 @@ pub struct MatchArgs {
     /// The game
     #[arg(long, value_enum, default_value_t = RuleSet::Eight)]
     pub rules: RuleSet,
-    /// Two to four computers, each against each: ai:easy, ai:medium, ai:hard or ai:expert, separated by commas
+    /// Two to four computers, each against each: ai:easy, ai:medium, ai:hard or ai:expert, separated by
+    /// commas
     #[arg(long, default_value = "ai:easy,ai:hard")]
     pub players: String,
     /// Matches of each pair, 1 to 10000; the players take turns to begin
@@ -29,10 +30,10 @@ pub struct MatchArgs {
 }
 
 impl MatchArgs {
-    /// Plays the matches and prints what they came to.
+    /// Plays the matches and prints the results.
     ///
     /// # Errors
-    /// A sentence for players or a target that the game does not have.
+    /// If the players or the target are invalid for the game.
     pub fn run(&self) -> anyhow::Result<()> {
         let result = self.play()?;
         if self.json {
