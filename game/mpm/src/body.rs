@@ -208,6 +208,8 @@ impl Obstacle {
             } => {
                 let local = orientation.inverse() * (at - center);
                 let outside = local.abs() - half_size;
+                // Outside, the direction from the nearest point of the box; inside, the normal of the
+                // nearest face.
                 let normal = if outside.max_element() > 0.0 {
                     outside.max(DVec3::ZERO)
                 } else {

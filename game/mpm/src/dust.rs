@@ -114,7 +114,8 @@ impl Dust {
         let terminal = self.gravity * relaxation_secs;
         let ratio = duration_secs as f32 / relaxation_secs;
         let kept = (-ratio).exp();
-        // ∫ exp(−t/τ) dt over the step.
+        // dv/dt = (v∞ − v)/τ with the terminal velocity v∞ = g τ: v − v∞ decays as exp(−t/τ), and its
+        // integral over the step is τ (1 − exp(−T/τ)). `exp_m1` keeps that accurate for short steps.
         let glide_secs = -(-ratio).exp_m1() * relaxation_secs;
         for speck in &mut self.specks {
             if !speck.is_settled {

@@ -69,7 +69,8 @@ fn read(sender: &Sender<GamepadEvent>, wake: &EventLoopProxy<()>) {
         }
         for event in events {
             if sender.send(event).is_err() || wake.send_event(()).is_err() {
-                return; // the window is closed
+                // The window is closed.
+                return;
             }
         }
     }

@@ -64,6 +64,7 @@ impl Projection {
     /// Whether a sphere hides a point, being in front of it or containing it.
     pub fn is_hidden(&self, p: DVec3, center: DVec3, radius_m: f64) -> bool {
         let way = p - self.basis.eye;
+        // The point of the line of sight that is nearest to the sphere's centre, not beyond `p`.
         let along = (center - self.basis.eye).dot(way) / way.length_squared();
         let nearest = self.basis.eye + way * along.min(1.0);
         along > 0.0 && nearest.distance_squared(center) < radius_m * radius_m

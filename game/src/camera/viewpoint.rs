@@ -122,6 +122,9 @@ impl Viewpoint {
         if *framing == Framing::whole(framing.film) {
             return self;
         }
+        // The free part shows the vertical extent of the original view, so the whole film shows 1/share of
+        // it. Its centre is `offset` points off the film's: an angle whose tangent is
+        // 2·half_width·offset/width.
         let share = framing.size().y / framing.film.y;
         let half_width = (0.5 * self.fov_x_deg).to_radians().tan() / share;
         let turned_rad = (2.0 * half_width * framing.offset().y / framing.film.x).atan();

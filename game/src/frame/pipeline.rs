@@ -132,6 +132,8 @@ impl FramePipeline {
         let Some(frame) = self.scheduler.shown() else {
             return;
         };
+        // Fades only from a picture that was on screen, and only if it looks different: a draft of a moving
+        // view, or a picture of another size.
         if let Some(replaced) = &replaced
             && replaced.serial == self.drawn
             && (self.is_drawn_moving || replaced.size != frame.size)

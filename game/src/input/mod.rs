@@ -399,6 +399,7 @@ impl Input {
 
     fn wheel(&mut self, notches: f64) -> Option<Intent> {
         let trigger = Event::Wheel(notches).trigger()?;
+        // A reversal discards the fraction accumulated in the other direction.
         if self.notches * notches < 0.0 {
             self.notches = 0.0;
         }

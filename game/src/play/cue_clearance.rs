@@ -118,6 +118,8 @@ impl CueShaft {
 
     /// Whether its underside is above the ground along its whole length and travel.
     fn is_over(&self, ground: &[f64]) -> bool {
+        // `level` is the cosine of the elevation, `first_m` the tip's horizontal distance behind the cue
+        // ball's centre: both convert horizontal distances of the ground to distances along the cue.
         let level = self.back.truncate().length();
         let first_m = (self.tip.truncate() - self.cue_ball).dot(self.back.truncate()) / level;
         ground.iter().enumerate().all(|(stride, height)| {

@@ -505,7 +505,7 @@ mod tests {
         let viewing = ReplayPlayer::new(read, practice.world().table(), 0.0).unwrap();
         let mut other = self::practice();
         other.lay(viewing.start().balls, viewing.patches()).unwrap();
-        // What is laid again lies as what was painted does once it is played on.
+        // Particles placed from the recording are in the same positions as painted ones after settling.
         let played = practice.table_layout().unwrap().particles.unwrap();
         assert_eq!(bed(&other).unwrap().centers(), played.centers());
         assert!(

@@ -52,6 +52,7 @@ impl SwingInput {
     /// Moves the cue back by a distance in m, forward if negative. Returns the power of the stroke when the
     /// tip has reached the ball, by the mean speed over [`SPEED_SECS`].
     pub(super) fn swing(&mut self, back_m: f64, now_secs: f64) -> Option<f64> {
+        // Within its recent motion, the tip must have been drawn back before it strikes.
         let farthest = self.trail.iter().map(|(_, back)| *back).fold(0.0, f64::max);
         let back = (self.back_m + back_m).min(BACK_M_MAX);
         if back > 0.0 || farthest < BACK_M_MIN {

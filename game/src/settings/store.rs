@@ -296,7 +296,7 @@ mod tests {
     use crate::scene::ball_materials::BallSet;
     use crate::scene::table_style::{Brightness, ClothColour, CueStyle, TableStyle};
 
-    /// Of numbers that have few digits in the file.
+    /// A view whose numbers have few digits in the file.
     fn a_view() -> Viewpoint {
         Viewpoint {
             focus: glam::DVec3::new(0.25, -0.5, 0.0),

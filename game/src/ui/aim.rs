@@ -299,7 +299,7 @@ mod tests {
 
     use super::*;
 
-    /// What is drawn of a way along x at y = 0, seen from the side, with a ball of 0.1 m at `center`.
+    /// The visible parts of a path along x at y = 0, seen from the side, with a ball of 0.1 m at `center`.
     fn pieces(center: DVec3) -> Vec<WayPiece> {
         let camera = Camera {
             eye: Vec3::new(0.0, -3.0, 0.0),

@@ -186,7 +186,7 @@ mod tests {
     use super::*;
     use crate::play::Aim;
 
-    /// What clicking somewhere in the widget with this label sets; the place is a share of it.
+    /// The intents of a click at a place in the widget with this label, given as a share of its size.
     fn clicked(label: &str, place: Vec2) -> Vec<Intent> {
         let intents = RefCell::new(Vec::new());
         let cue = CueView::resting(DVec3::ZERO, &Aim::LEVEL);

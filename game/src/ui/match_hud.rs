@@ -358,7 +358,8 @@ mod tests {
         }
     }
 
-    /// Gives a test's context this look in its first frame, in which nothing can be drawn yet; then says so.
+    /// Applies the theme to a test's context in its first frame, in which nothing can be drawn yet; returns
+    /// whether it was applied before.
     fn is_dressed(ctx: &egui::Context) -> bool {
         let id = egui::Id::unique("dressed");
         let was = ctx.data(|data| data.get_temp(id)).unwrap_or(false);

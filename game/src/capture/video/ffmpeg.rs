@@ -105,7 +105,8 @@ pub(super) fn encode(
     let pipe = encoder.stdin.take().context("ffmpeg has no input")?;
     let sent = frames.write_y4m(BufWriter::new(pipe), frames_per_sec, proceed);
     if sent.is_err() && !proceed() {
-        let _ = encoder.kill(); // it would make a shorter video of what it has
+        // It would finish a shorter video from the frames that it has.
+        let _ = encoder.kill();
     }
     let status = encoder.wait()?;
     if !status.success() || sent.is_err() {

@@ -82,6 +82,8 @@ fn contact(found: Found, friction: f32, v: vec3<f32>, w: vec3<f32>) -> Contact {
     if (mass * slip_speed <= friction * push) {
         return Contact(-mass * (relative - normal * found.parting), identity * mass, true);
     }
+    // On the cone, the derivative along the slip is 0, and across it friction turns with the slip:
+    // μ·push/|slip|.
     let along = slip / slip_speed;
     let drag = friction * push;
     let across = identity - outer(normal, normal) - outer(along, along);
@@ -358,6 +360,7 @@ fn couple(@builtin(local_invocation_index) lane: u32) {
             workgroupBarrier();
         }
     }
+    // Only after all balls are resolved, as their boxes may overlap.
     for (var ball = 0u; ball < params.balls; ball++) {
         if ((bits >> ball & 1u) != 0u) {
             clear_touches(ball, lane);
@@ -377,6 +380,7 @@ fn couple(@builtin(local_invocation_index) lane: u32) {
     workgroupBarrier();
     if (lane == 0u) {
         var speed = bitcast<f32>(atomicExchange(&counters.speed, 0u));
+        // Nodes in contact may have taken over the velocity of a ball's surface, which this bounds.
         for (var ball = 0u; ball < params.balls; ball++) {
             if ((bits >> ball & 1u) != 0u) {
                 speed = max(speed, length(balls[ball].velocity) + length(balls[ball].spin));

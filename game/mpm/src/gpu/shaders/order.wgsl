@@ -80,6 +80,7 @@ fn count_particles(
     }
     let index = chunk.start + lane;
     let local = bitcast<vec3<f32>>(particles[index].xyz);
+    // The outermost blocks of the region are reserved for the nodes around particles.
     let in_region = chunk.block + shift_of(local) - params.origin;
     let last = vec3<i32>(params.blocks) - 2;
     let block = clamp(in_region, vec3(1), last);
