@@ -299,6 +299,7 @@ impl Marbles {
         for ball in &mut bodies.balls {
             ball.velocity += ball.acceleration * dt;
         }
+        // Impulses are summed before any is applied, so that all contacts see the same state.
         let mut kicks = vec![(DVec3::ZERO, DVec3::ZERO); spheres.len()];
         let mut ball_kicks = vec![(DVec3::ZERO, DVec3::ZERO); bodies.balls.len()];
         for contact in contacts.iter_mut() {

@@ -38,6 +38,7 @@ impl<S: Simd> Stretches<S> {
     #[inline(always)]
     pub(crate) fn new(simd: S, f: &Mat3x<S>) -> Self {
         let mut b = *f;
+        // All lanes sweep until the last has converged; rotations of converged ones are near the identity.
         for _ in 0..SWEEPS_MAX {
             let mut is_last = true;
             for (p, q) in [(0, 1), (0, 2), (1, 2)] {

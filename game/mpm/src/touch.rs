@@ -93,6 +93,9 @@ impl LocalBall {
     fn touched_by(&self, packet: &Packet, lane: usize, substep: Substep) -> Option<(Vec3, f32)> {
         let arm = Vec3::from_slice(&packet.position[lane]) - self.center;
         let distance_squared = arm.length_squared();
+        // A particle extends by half a cell at most and approaches by less than 1.4 cells a substep, half a
+        // cell for each component of its velocity and for the ball: beyond this none touches, and the root
+        // is saved.
         let far = self.radius + 2.0;
         if distance_squared > far * far {
             return None;
@@ -158,6 +161,8 @@ impl NodeTouch {
     pub(crate) fn at(&self, node: usize, mass: f32) -> Option<(DVec3, f32)> {
         let [x, y, z, depth] = self.sums[node];
         let normal = Vec3::new(x, y, z).as_dvec3();
+        // The length of the sum is the touching mass, less where normals differ, as between opposite sides
+        // of a ball.
         let touching = normal.length();
         let is_enough = touching > f64::from(SHARE_MIN * mass);
         is_enough.then(|| (normal / touching, depth / touching as f32))

@@ -464,6 +464,7 @@ impl AppShell {
         let is_new = self.heard.is_none_or(|heard| heard.0 != clock.number);
         self.heard = Some((clock.number, clock.now_secs > clock.end_secs - OVER_SECS));
         if let (true, Some(shot)) = (is_new, session.shot()) {
+            // System time of the contact of tip and ball, at which the sound begins.
             let ahead = Duration::from_secs_f64((-clock.now_secs).max(0.0));
             let behind = Duration::from_secs_f64(clock.now_secs.max(0.0));
             let now = Instant::now();

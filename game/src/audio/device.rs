@@ -104,6 +104,7 @@ fn stream<T: SizedSample + FromSample<f32>>(
     let (channels, rate_hz) = (usize::from(config.channels), f64::from(config.sample_rate));
     let fill = move |out: &mut [T], info: &OutputCallbackInfo| {
         let times = info.timestamp();
+        // Both timestamps are of the device's clock; only their difference, the output latency, is used.
         let latency = times.playback.saturating_duration_since(times.callback);
         let heard_at = Instant::now() + latency;
         let mut voice = voice.lock().unwrap_or_else(PoisonError::into_inner);

@@ -43,6 +43,7 @@ fn echoes(ear: Ear) -> Vec<(usize, f32)> {
             .map(|(axis, cell)| image(cell, ROOM_M[axis], TABLE_M[axis], ear_m[axis]).powi(2));
         let distance = squared.sum::<f64>().sqrt();
         let delay = (distance - direct) / SOUND_M_S * f64::from(RATE_HZ);
+        // Pressure is inversely proportional to the distance, and reflected once for each wall crossed.
         let gain = REFLECTED.powi(order) * direct / distance;
         echoes.push((delay.round() as usize, gain as f32));
     }

@@ -47,7 +47,7 @@ impl FollowCamera {
 /// ball to the other.
 fn followed(poses: &[Vec<BallPose>], turn_steps: f64) -> Vec<DVec3> {
     let place = |step: usize, ball: usize| poses[step][ball].position.with_z(0.0);
-    // The last step at which it had moved.
+    // The last step in which a ball moved.
     let rests = |ball: usize| {
         let moved = |&step: &usize| {
             poses[step][ball].on_table

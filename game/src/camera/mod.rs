@@ -1,8 +1,8 @@
 //! Cameras of the game, and the projection of the table's points to the window.
 //!
 //! ```text
-//! ViewSelection (the player's choice) ─▶ Viewpoint ─▶ clear of the lamps ─▶ Camera
-//!        ▲ FollowCamera (a ball on its way)
+//! ViewSelection (the player's choice) ─▶ Viewpoint ─▶ Camera
+//!        ▲ FollowCamera (a moving ball)
 //! ```
 
 mod follow_camera;

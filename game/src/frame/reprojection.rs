@@ -131,6 +131,8 @@ impl Reprojector {
         // The history is in the view of the picture accumulated last; reprojecting it from another view
         // would smear it.
         let is_accumulated = earlier.as_ref().map(|(of, _)| *of) == self.accumulated;
+        // Continues the history; or begins one with the converged picture at rest, which counts as many
+        // frames; or begins one with this picture alone.
         self.threads.install(|| match &earlier {
             Some((_, earlier)) if is_accumulated => {
                 accumulation.accumulate(earlier, view, &mut picture.rgba);

@@ -369,7 +369,7 @@ pub const ACTIONS: &[ActionSpec] = &[
 ];
 
 const AIM_STEP_RAD: f64 = std::f64::consts::PI / 180.0;
-/// Two degrees and a half.
+/// Step of the elevation: 2.5°.
 const ELEVATION_STEP_RAD: f64 = 0.043_633;
 const POWER_STEP: f64 = 0.05;
 const PITCH_STEP_RAD: f64 = 0.04;

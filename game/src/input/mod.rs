@@ -368,6 +368,7 @@ impl Input {
 
     fn begin(&mut self, trigger: Trigger, action: Action) -> Option<Intent> {
         if let Some(hold) = self.hold {
+            // A second held control is ignored, except that the camera's cancels a stroke.
             let gives_up = action == Action::Orbit && hold.action != Action::Orbit;
             return gives_up.then(|| {
                 self.hold = None;

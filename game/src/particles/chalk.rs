@@ -193,6 +193,7 @@ fn puff(blow: Blow, kind: &SpeckKind, number: u32) -> Dust {
     for speck in 0..count {
         let [turn, out, fast, backward] = uniforms(speck, number, seed, 0);
         let [carried, lifted, drawn, _] = uniforms(speck, number, seed, 1);
+        // The root of `out` makes specks uniform over the tip's area, the square of `fast` most of them slow.
         let (sin, cos) = (std::f32::consts::TAU * turn).sin_cos();
         let radial = aside * cos + across * sin;
         let from = blow.contact

@@ -373,6 +373,7 @@ fn by_place(patches: &[ParticlePatch]) -> BTreeMap<(i16, i16), ParticleMaterial>
 fn rings(step_m: f64, reach_m: f64) -> impl Iterator<Item = DVec2> {
     let rings = (reach_m / step_m).ceil() as u32;
     (0..rings).flat_map(move |ring| {
+        // The n-th circle has a circumference of 2π n steps: 6 n positions are about a step apart.
         let count = (6 * ring).max(1);
         (0..count).map(move |i| {
             let turn_rad = std::f64::consts::TAU * f64::from(i) / f64::from(count);

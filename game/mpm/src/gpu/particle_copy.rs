@@ -134,6 +134,7 @@ fn packet(vectors: &[[u32; 4]; PARTS], id: u32, materials: &[Material]) -> Packe
     let mut packet = Packet::new(material as u16, place[3]);
     packet.len = 1;
     packet.position[0] = [place[0], place[1], place[2], 0.0];
+    // From the kernels' column-major order to the packet's row-major one.
     let columns = [f[0], f[1], f[2], f[3], g[0], g[1], g[2], g[3], constants[0]];
     for (entry, value) in columns.into_iter().enumerate() {
         packet.deformation[entry % 3 * 3 + entry / 3][0] = value;

@@ -63,6 +63,8 @@ impl Water {
         simd: S,
         strain: &mut Strain<S>,
     ) -> (Stress<S>, Lanes<S>) {
+        // dJ/dt = J ∇·v; the deviatoric part of the deformation, which grows without bound in a flow, is
+        // not stored.
         let j = strain.state.mul_add(strain.increment.trace(), strain.state);
         let j = j.max(EXPANSION_MIN).min(EXPANSION_MAX);
         strain.state = j;

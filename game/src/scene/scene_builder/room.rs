@@ -24,6 +24,8 @@ pub fn below_lamp(table: &Table, camera: Camera) -> Camera {
     let depths = |half: Vec2, z: f32| {
         corners().map(move |corner| forward.dot((corner * half).extend(z) - camera.eye))
     };
+    // Depths along the view direction: the near plane must be behind all corners of the lamp and before all
+    // of the table.
     let lamp = depths(frame.lamp_half() + SHADE_RIM_M, LAMP_Z_M).fold(0.0, f32::max);
     let table = depths(frame.outer, frame.rail_height).fold(f32::INFINITY, f32::min);
     let near_m = lamp + LAMP_CLEARANCE_M;

@@ -191,12 +191,14 @@ fn linearise(ball: u32, lane: u32) {
         }
         force += contact.impulse;
         torque += cross(found.arm, contact.impulse);
+        // The surface moves at s = v + w × a = v − [a]× w, so that dJ/dw = −D [a]×; the torque is [a]× J.
         let turn = cross_matrix(found.arm);
         let by_spin = contact.derivative * turn;
         vv += contact.derivative;
         vw -= by_spin;
         ww -= turn * by_spin;
     }
+    // A row holds force, torque, the diagonal of vv, its off-diagonal entries, vw by columns, and ww as vv.
     let row = lane * TERMS;
     for (var i = 0u; i < 3u; i++) {
         rows[row + i] = force[i];

@@ -222,6 +222,7 @@ fn flush_tile(lane: u32) {
             atomicLoad(&tile[index + 1024u]),
             atomicLoad(&tile[index + 1536u]),
         );
+        // Most of the margin is empty, which saves global atomics.
         if (any(quanta != vec4(0))) {
             let node = grid_node(index);
             atomicAdd(&sums[4u * node], quanta.x);
