@@ -103,6 +103,7 @@ pub(crate) fn stop(
     if approach >= 0.0 {
         return velocity;
     }
+    // The normal component is removed, and friction takes at most μ times it off the tangential speed.
     let along = velocity - normal * approach;
     let speed = along.length();
     let lost = -friction * approach;

@@ -26,7 +26,7 @@ pub enum Mode {
 /// Time of a view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ViewTime {
-    /// Now, in seconds of play time.
+    /// The present, at a time in seconds.
     Now(f64),
     /// A moment of the present shot, as its [`ShotClock`] counts it.
     Moment(f64),

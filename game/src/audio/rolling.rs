@@ -109,7 +109,7 @@ const CORNER_HZ_PER_M_S: f64 = 160.0;
 /// Smoothing of the level for each sample: a time constant of about 4 ms.
 const LEVEL_SHARE: f32 = 0.005;
 const SILENT: f32 = 1e-6;
-/// Level of the room tone before its filter's normalisation, some 66 dB below full scale.
+/// Level of the room tone, some 66 dB below full scale.
 const ROOM_TONE: f32 = 8e-4;
 const ROOM_TONE_HZ: f64 = 180.0;
 const FADE_SECS: f32 = 0.3;

@@ -61,7 +61,7 @@ impl Aim {
         self.bearing_rad = wrap_rad(self.bearing_rad + by_rad);
     }
 
-    /// Sets the contact point, in ball radii to the right and up, at most [`TIP_RADII_MAX`] from the centre.
+    /// Sets the contact point, in ball radii to the right and up, at most `TIP_RADII_MAX` from the centre.
     pub fn set_tip(&mut self, tip: DVec2) {
         self.tip = tip.clamp_length_max(TIP_RADII_MAX);
     }

@@ -200,7 +200,7 @@ impl Practice {
         self.held.as_ref()
     }
 
-    /// Picks up the ball nearest to a position, within [`REACH_RADII`]; false if there is none.
+    /// Picks up the ball nearest to a position, within `REACH_RADII`; false if there is none.
     pub fn grab(&mut self, at: DVec2) -> bool {
         let distance = |ball: &BallState| ball.position.truncate().distance(at);
         let balls = self.world.balls().into_iter();

@@ -16,7 +16,7 @@ use super::{CueView, Game, TurnPhase};
 
 impl Game {
     /// Applies a step of a stroke. The contact is `lead_secs` later, so that the shot's first frames are
-    /// ready by then, clamped to [`SWING_SECS`], so that the delay is not noticeable.
+    /// ready by then, clamped to `SWING_SECS`, so that the delay is not noticeable.
     pub fn stroke(&mut self, intent: StrokeIntent, now_secs: f64, lead_secs: f64) {
         if matches!(self.phase, TurnPhase::Placing(_)) {
             return self.stroke_in_hand(intent);

@@ -52,7 +52,7 @@ pub struct ShotSequence {
 }
 
 impl ShotSequence {
-    /// A sequence of whole shots, each followed by [`REST_SECS`] of rest. `frames_per_sec` is at least 1.
+    /// A sequence of whole shots, each followed by `REST_SECS` of rest. `frames_per_sec` is at least 1.
     pub fn whole(
         stage: TableScene,
         shots: Vec<Shot>,

@@ -222,7 +222,7 @@ fn flush_tile(lane: u32) {
             atomicLoad(&tile[index + 1024u]),
             atomicLoad(&tile[index + 1536u]),
         );
-        // Most of the margin is empty, which saves global atomics.
+        // Skips empty nodes, as most of the margin is, to save global atomics.
         if (any(quanta != vec4(0))) {
             let node = grid_node(index);
             atomicAdd(&sums[4u * node], quanta.x);
