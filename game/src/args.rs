@@ -80,8 +80,8 @@ pub struct Args {
     /// Seed of the rack and of the noise: the same seed gives the same frames
     #[arg(long, default_value_t = 1)]
     pub seed: u32,
-    /// Write the frames to this folder; those of an earlier run that was finished make room, files that no
-    /// run has put there are refused
+    /// Write the frames to this folder; those of an earlier run that was finished make room, files that no run
+    /// has put there are refused
     #[arg(long, value_name = "DIR", default_value = "carom-frames")]
     pub out: PathBuf,
     /// The table and its options.

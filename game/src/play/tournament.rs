@@ -11,8 +11,7 @@ pub struct MatchArgs {
     /// The game
     #[arg(long, value_enum, default_value_t = RuleSet::Eight)]
     pub rules: RuleSet,
-    /// Two to four computers, each against each: ai:easy, ai:medium, ai:hard or ai:expert, separated by
-    /// commas
+    /// Two to four computers, each against each: ai:easy, ai:medium, ai:hard or ai:expert, separated by commas
     #[arg(long, default_value = "ai:easy,ai:hard")]
     pub players: String,
     /// Matches of each pair, 1 to 10000; the players take turns to begin
