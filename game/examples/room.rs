@@ -1,4 +1,4 @@
-//! Pictures of the pool room, and their cost relative to the bare table of the tests.
+//! Pictures of the pool room, and what they cost against the bare table of the tests.
 //!
 //! ```text
 //! cargo run --release -p carom --example room -- [VIEW [SET [SAMPLES [WIDTHxHEIGHT [picture.png]]]]]
@@ -6,8 +6,8 @@
 //!
 //! `VIEW` is `player`, `overview`, `rack`, `ball`, `pocket` or `low`, or the whole table of `snooker` or
 //! `carom`; `SET` one of `carom --ball-set`.
-//! Both scenes are traced by this machine's CPU in the same run, so that their ratio is also valid on
-//! a busy machine.
+//! Both scenes are traced by this machine's processor in the same run, so that their ratio holds on
+//! a busy machine too.
 
 use std::error::Error;
 use std::sync::atomic::AtomicBool;
@@ -78,7 +78,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Paths per second of CPU time for a picture of 640×360.
+/// Paths per second of processor time for a picture of 640×360.
 fn samples_per_sec(
     tracer: &CpuTracer,
     scene: &CompiledScene,

@@ -101,7 +101,7 @@ impl Dust {
     }
 
     /// Advances all grains by a time in s. Balls carry along grains that they touch and lose the momentum
-    /// that these gain; the balls' positions do not change.
+    /// that these gain; the balls' positions do not change. Impulses are added to those that balls have.
     ///
     /// # Errors
     ///

@@ -43,7 +43,7 @@ impl EngineCost {
     }
 }
 
-// Measured by `carom-bench physics --part trade` on 2026-11-21, on one idle core of an Intel Xeon with 16.
+// `carom-bench physics --part trade`, on 2026-11-21, one quiet core of an Intel Xeon of 16.
 #[rustfmt::skip]
 const COSTS: [EngineCost; 8] = [
     EngineCost::new("exact",       ["0.000001", "0.001"], 73, ["0.39", "3.3", "0.44"]),
