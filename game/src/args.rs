@@ -1,4 +1,4 @@
-//! The command line.
+//! Command line of the game.
 
 use std::path::PathBuf;
 
@@ -154,13 +154,13 @@ pub enum Command {
 }
 
 impl Args {
-    /// Those that the program was started with; ends it with a message if they are wrong.
+    /// Parses the program's command line; exits with a message if it is invalid.
     pub fn of_command_line() -> Self {
         let matches = with_negative_numbers(Self::command()).get_matches();
         Self::from_arg_matches(&matches).unwrap_or_else(|why| why.exit())
     }
 
-    /// The table's look: `own`, where the options say nothing else.
+    /// Look of the table: `own`, overridden by options.
     pub fn style(&self, own: TableStyle) -> TableStyle {
         TableStyle {
             balls: self.ball_set.unwrap_or(own.balls),
@@ -170,7 +170,7 @@ impl Args {
         }
     }
 
-    /// The farm that the configuration file and the options describe; options win.
+    /// Configuration of the farm by the configuration file, overridden by options.
     ///
     /// # Errors
     /// As [`WindowArgs::farm_config`].
@@ -180,10 +180,10 @@ impl Args {
         Ok(config)
     }
 
-    /// The table to play on, and the shot to show: on the table that it was played on.
+    /// The table to play on and the recording to show, which determines the table.
     ///
     /// # Errors
-    /// A sentence with the file and what is wrong with it.
+    /// If the recording cannot be read, or is of another table than the options'.
     pub fn table_and_recording(&self) -> anyhow::Result<(Table, Option<Recording>)> {
         let Some(path) = &self.replay else {
             let table = self.table.of(TableScene::table(), self.table.options());
@@ -205,10 +205,10 @@ impl Args {
         Ok((table, Some(recording)))
     }
 
-    /// The match that the arguments ask for, on a table with `options`; none if they ask for none.
+    /// The match that the arguments request, on a table with `options`; none if they request none.
     ///
     /// # Errors
-    /// A sentence for players, a target or a table that the game does not allow.
+    /// If the game does not allow the players, the target or the table.
     pub fn contest(&self, options: TableOptions) -> anyhow::Result<Option<Match>> {
         let wants_table = self.table.is_asked() || self.replay.is_some();
         if self.rules.is_none() && self.players.is_none() && self.target == 0 && !wants_table {
@@ -221,7 +221,7 @@ impl Args {
             (None, _) => Player::list("ai")?,
         };
         let own = MatchConfig::new(rules, players, self.seed)?;
-        // The same for everybody, unless another table is asked for.
+        // The daily shot is the same for all players, so it ignores table options of the settings.
         let options = match rules {
             RuleSet::DailyShot => self.table.options(),
             _ => options,
@@ -239,10 +239,11 @@ impl Args {
     }
 }
 
-/// What `--replay` takes, before the reason why it is not that.
+/// Message for a file that `--replay` cannot read, before the reason.
 pub const REPLAY: &str = "--replay takes a file that --record or the page of replays has saved";
 
-/// Takes `-1` after an option for its value, so that the message tells its range.
+/// Makes all options with values accept negative numbers, so that `-1` is reported as out of range rather
+/// than as an unknown option.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     let option = |option: clap::Arg| match option.get_action().takes_values() {
         true => option.allow_negative_numbers(true),
@@ -253,12 +254,12 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         .mut_subcommands(with_negative_numbers)
 }
 
-/// A list of players as it was given, if it is one.
+/// Validates a list of players, and returns it unchanged.
 fn players(text: &str) -> Result<String, PlayersFault> {
     Player::list(text).map(|_| text.to_owned())
 }
 
-/// The choices of `--physics`, with what each costs and loses.
+/// Help of `--physics`: the choices with their measured cost and error.
 fn physics_help() -> String {
     format!(
         "\

@@ -1,4 +1,4 @@
-//! The game's error: what hinders, with the values that do, as a sentence for the player.
+//! The game's error types, whose messages are sentences for the player.
 
 use std::io;
 use std::path::PathBuf;
@@ -7,13 +7,13 @@ use carom_text::text;
 
 use crate::input::UnknownTrigger;
 
-/// The game's result.
+/// Result of the game's functions.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// A wish of the player's that cannot be carried out.
+/// Failure of a player's request.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The physics, the rules or a recording forbid it.
+    /// Error of the physics, the rules or a recording.
     #[error(transparent)]
     Billiards(#[from] carom_billiards::Error),
     /// The practice table cannot be arranged like this.
@@ -30,7 +30,7 @@ pub enum Error {
         /// The system's reason.
         source: io::Error,
     },
-    /// A file cannot be written, or the folder that it belongs in cannot be made.
+    /// A file cannot be written, or its folder cannot be created.
     #[error("{}", text!("file-not-written", path = path.display().to_string(), why = source.to_string()))]
     Unwritable {
         /// The file or folder.
@@ -38,41 +38,41 @@ pub enum Error {
         /// The system's reason.
         source: io::Error,
     },
-    /// All numbers for files of a kind are given away.
+    /// All numbers for files of a kind are in use.
     #[error("{} has {files_max} files of this kind: move some away", path.display())]
     FolderFull {
         /// The folder.
         path: PathBuf,
-        /// As many as there are numbers.
+        /// Largest number.
         files_max: u32,
     },
-    /// A file that nobody has named to be written is there already.
+    /// The default output file exists, and was not named explicitly.
     #[error("{} is there already: name it with --out to replace it, or name another file", _0.display())]
     InTheWay(PathBuf),
     /// The settings cannot be saved.
     #[error("{} cannot be written: {source}", path.display())]
     Settings {
-        /// Their file.
+        /// The settings file.
         path: PathBuf,
         /// The system's reason.
         source: io::Error,
     },
-    /// A layout is for this table, and another is played on.
+    /// A layout is for another table, named here.
     #[error("{}", text!("layout-other-table", table = _0.as_str()))]
     OtherTable(String),
-    /// The farm does not take what it is asked for.
+    /// Error of the farm.
     #[error("{}", text!("farm-error", why = .0.to_string()))]
     Farm(#[from] carom_farm::Error),
-    /// The system gives no thread.
+    /// The thread of a capture cannot be started.
     #[error("{}", text!("render-not-started", why = .0.to_string()))]
     CaptureThread(io::Error),
-    /// No kind of video has this name.
+    /// The name has an ending of no known kind of video.
     #[error(
         "`{0}` is no film: give a name that ends in .mp4, .webm, .mkv or .gif (with ffmpeg \
          installed), in .y4m, in .png for an animation, or a folder"
     )]
     VideoKind(String),
-    /// A video of this name takes ffmpeg.
+    /// The name's kind of video needs ffmpeg, which is not installed.
     #[error(
         "`{0}` needs ffmpeg, which is not installed (on Debian or Ubuntu: `apt install ffmpeg`): \
          install it, or give a name that ends in .y4m, in .png for an animation, or a folder"
@@ -80,49 +80,49 @@ pub enum Error {
     FfmpegMissing(String),
 }
 
-/// A reason why a ball of the practice table cannot come, go or lie somewhere.
+/// Reason why a ball of the practice table cannot be added, removed or placed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PracticeFault {
-    /// Something else is where the ball would lie.
+    /// The position is occupied.
     #[error("{}", text!("practice-not-clear"))]
     NotClear,
-    /// The ball that is to come is there.
+    /// The ball to be added is on the table.
     #[error("{}", text!("practice-on-table", ball = text!("ball", number = *_0)))]
     OnTable(u8),
-    /// The ball that is to go is not there.
+    /// The ball to be removed is not on the table.
     #[error("{}", text!("practice-not-on-table", ball = text!("ball", number = *_0)))]
     NotOnTable(u8),
-    /// The table is full.
+    /// There is no free position for the ball.
     #[error("{}", text!("practice-no-room", ball = text!("ball", number = *_0)))]
     NoRoom(u8),
 }
 
-/// What a setting must be and is not, to follow "it must be".
+/// Expected value of a setting that is invalid; the message continues "it must be".
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SettingFault {
     /// A whole number within a range.
     #[error("a whole number from {min} to {max}")]
     WholeNumber {
-        /// The least.
+        /// Least value.
         min: u32,
-        /// The most.
+        /// Greatest value.
         max: u32,
     },
     /// A number within a range.
     #[error("a number from {min} to {max}")]
     Number {
-        /// The least.
+        /// Least value.
         min: f64,
-        /// The most.
+        /// Greatest value.
         max: f64,
     },
-    /// A truth value.
+    /// A Boolean.
     #[error("true or false")]
     Switch,
     /// One of a closed set.
     #[error("\"{}\"", names.join("\", \""))]
     Choice {
-        /// The set.
+        /// The allowed names.
         names: Vec<String>,
     },
     /// The name of a physics engine.
@@ -134,21 +134,21 @@ pub enum SettingFault {
         /// Each part of a view with its range.
         parts: Vec<String>,
     },
-    /// Anything but a heading.
+    /// A value rather than a TOML table.
     #[error("a value, not a table")]
     Table,
 }
 
-/// A reason why the keys of an action cannot be read.
+/// Reason why the keys of an action cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum KeysFault {
-    /// Neither a word nor an array.
+    /// Neither a string nor an array.
     #[error("must be a key or a list of keys, such as [\"R\", \"F5\"]")]
     NotAList,
-    /// An array of something else than words.
+    /// An array with elements that are not strings.
     #[error("must be a list of keys in quotes")]
     NotInQuotes,
-    /// No key is called so.
+    /// There is no key of this name.
     #[error(transparent)]
     Unknown(#[from] UnknownTrigger),
 }

@@ -7,7 +7,8 @@
 //!   Farm ─▶ frame::pipeline (accumulate, choose, reproject) ─▶ ui on top ─▶ display ─▶ window
 //! ```
 //!
-//! Only [`app`] knows winit; everything else takes time and events as arguments. [`capture`] renders shots to files through the same farm.
+//! Only [`app`] uses winit; everything else takes time and events as arguments. [`capture`] renders shots
+//! to files through the same farm.
 
 pub mod app;
 pub mod args;

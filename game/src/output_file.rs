@@ -1,10 +1,10 @@
-//! File that a subcommand writes.
+//! Path of the file that a subcommand writes.
 
 use std::path::{Path, PathBuf};
 
 use crate::{Error, Result};
 
-/// The file that is named, whatever stands in its place; or the usual one, if nothing does.
+/// The named file, which may exist; or the usual one, which must not.
 ///
 /// # Errors
 /// [`Error::InTheWay`].

@@ -210,7 +210,8 @@ fn interrupted_videos_resume() {
     assert!(make("1").status.success());
     let path = |name: &str| folder.path().join("film").join(name);
     let whole = frames(&folder.path().join("film"));
-    // As if it had been interrupted in the third frame; the second is marked.
+    // The state of a film that was interrupted in the third frame; the second one is replaced to recognise
+    // it.
     let job = fs::read_to_string(path("job.json")).unwrap();
     let job = job.replace("\"done\": true", "\"done\": false");
     fs::write(path("job.json"), job).unwrap();
@@ -223,7 +224,7 @@ fn interrupted_videos_resume() {
     for words in ["film holds 2 frames", "1 samples", "2 samples"] {
         assert!(said.contains(words), "{said}");
     }
-    // It would be refused again and again.
+    // An error that every run would repeat comes without a hint to continue.
     let nowhere = film(
         folder.path(),
         &["--spp", "1", "--video", "film", "--node", "foo"],
@@ -244,7 +245,7 @@ fn interrupted_videos_resume() {
         frames,
         [whole[0].clone(), whole[0].clone(), whole[2].clone()]
     );
-    // What is finished is made anew.
+    // A finished film is rendered anew.
     assert!(make("2").status.success());
 }
 

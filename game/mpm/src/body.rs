@@ -1,4 +1,4 @@
-//! Bodies that particles meet: balls that move, and obstacles that stay.
+//! Rigid bodies in contact with particles: moving balls and static obstacles.
 
 use glam::{DQuat, DVec3};
 
@@ -7,9 +7,9 @@ use crate::error::{Error, Result, check_range};
 /// All bodies of a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bodies {
-    /// Spheres that push particles and are pushed.
+    /// Moving spheres, coupled in both directions with particles.
     pub balls: Vec<Ball>,
-    /// What does not move: slate, cushions, walls.
+    /// Static bodies: slate, cushions, walls.
     pub obstacles: Vec<Obstacle>,
 }
 
@@ -19,7 +19,7 @@ impl Bodies {
         self.obstacles.iter().try_for_each(Obstacle::validate)
     }
 
-    /// Begins a step, whose impulses add up.
+    /// Clears the impulses on balls, at the start of a step.
     pub(crate) fn clear_impulses(&mut self) {
         for ball in &mut self.balls {
             ball.impulse = DVec3::ZERO;
@@ -27,7 +27,7 @@ impl Bodies {
         }
     }
 
-    /// Moves balls that nothing touches.
+    /// Advances balls that no particles touch by a time in s.
     pub(crate) fn move_freely(&mut self, dt: f64) {
         for ball in &mut self.balls {
             ball.velocity += ball.acceleration * dt;
@@ -38,31 +38,34 @@ impl Bodies {
 
 /// A rigid sphere. A step moves it, and changes its velocities by its acceleration and by the
 /// impulses of particles.
+///
+/// Vectors are in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ball {
-    /// Of the centre, in m.
+    /// Position of the centre, in m.
     pub position: DVec3,
-    /// Of the centre, in m/s.
+    /// Velocity of the centre, in m/s.
     pub velocity: DVec3,
-    /// In rad/s.
+    /// Angular velocity, in rad/s.
     pub angular_velocity: DVec3,
-    /// By all forces but the particles', in m/s²: free fall, the cloth's reaction and friction.
+    /// Acceleration by all forces but those of particles, in m/s²: gravity, reaction and friction of the
+    /// cloth.
     pub acceleration: DVec3,
-    /// Height under which its centre does not sink, in m: a slate carries it, and takes up what would press it lower.
-    /// -∞: nothing does.
+    /// Least height of its centre, in m, as that of a ball on the slate, which takes up downward impulses;
+    /// -∞ for none.
     pub floor_m: f64,
-    /// In m.
+    /// Radius, in m.
     pub radius_m: f64,
-    /// In kg.
+    /// Mass, in kg.
     pub mass_kg: f64,
-    /// By particles in the last step, in kg·m/s.
+    /// Impulse by particles during the last step, in kg·m/s.
     pub impulse: DVec3,
-    /// By particles in the last step about the centre, in kg·m²/s.
+    /// Angular impulse by particles during the last step, about the centre, in kg·m²/s.
     pub angular_impulse: DVec3,
 }
 
 impl Ball {
-    /// A ball at rest that nothing accelerates.
+    /// A ball at rest without acceleration and floor.
     pub fn new(position: DVec3, radius_m: f64, mass_kg: f64) -> Self {
         Self {
             position,
@@ -77,12 +80,13 @@ impl Ball {
         }
     }
 
-    /// Of a uniform sphere, in kg·m².
+    /// Moment of inertia of a uniform sphere, in kg·m².
     pub fn moment_of_inertia(&self) -> f64 {
         0.4 * self.mass_kg * self.radius_m * self.radius_m
     }
 
-    /// Changes its velocities by an impulse and an angular one, and notes both.
+    /// Applies an impulse in kg·m/s and an angular impulse in kg·m²/s to its velocities, and adds them to
+    /// its sums.
     pub(crate) fn kick(&mut self, impulse: DVec3, turn: DVec3) {
         self.velocity += impulse / self.mass_kg;
         self.angular_velocity += turn / self.moment_of_inertia();
@@ -90,7 +94,7 @@ impl Ball {
         self.angular_impulse += turn;
     }
 
-    /// Moves it on at its velocity, as far as its floor lets it.
+    /// Advances its position by a time in s, not below its floor.
     pub(crate) fn advance(&mut self, dt: f64) {
         self.position += self.velocity * dt;
         if self.position.z < self.floor_m {
@@ -115,47 +119,47 @@ impl Ball {
     }
 }
 
-/// A body that stays where it is.
+/// A static body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Obstacle {
-    /// Its solid.
+    /// Its shape.
     pub solid: Solid,
-    /// How it holds particles.
+    /// Boundary condition for particles.
     pub grip: Grip,
 }
 
-/// The volume of an obstacle.
+/// Shape of an obstacle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Solid {
-    /// All below a plane: slate, floors and walls.
+    /// The half-space below a plane: slate, floors and walls.
     HalfSpace {
         /// A point of the plane, in m.
         point: DVec3,
-        /// Out of the solid, of length 1.
+        /// Unit normal, out of the solid.
         normal: DVec3,
     },
-    /// A box: cushions and rails. At least two cells thick, or particles reach through it.
+    /// A box: cushions and rails. It must be at least two cells thick, or particles on both sides interact.
     Cuboid {
-        /// In m.
+        /// Centre, in m.
         center: DVec3,
         /// Half of its edges, in m.
         half_size: DVec3,
-        /// `world_from_cuboid`.
+        /// Rotation from the box's frame to the world (`world_from_cuboid`).
         orientation: DQuat,
     },
 }
 
-/// How an obstacle holds particles.
+/// Boundary condition of an obstacle for particles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Grip {
-    /// They may leave it, and slide on it with their material's friction.
+    /// Particles may separate from it and slide on it with their material's coefficient of friction.
     Friction,
-    /// They neither leave it nor slide: a bumper glued to a rail.
+    /// Particles stick to it, as a bumper glued to a rail.
     Bonded,
 }
 
 impl Obstacle {
-    /// A plane with friction, the solid below it.
+    /// A half-space with friction through a point in m; the unit normal points out of the solid.
     pub fn plane(point: DVec3, normal: DVec3) -> Self {
         let solid = Solid::HalfSpace { point, normal };
         Self {
@@ -164,7 +168,7 @@ impl Obstacle {
         }
     }
 
-    /// Six planes with friction around a box, in m: its faces hold what is inside.
+    /// Six half-spaces with friction around a box in m, which confine particles to its inside.
     pub fn walls(min: DVec3, max: DVec3) -> Vec<Self> {
         let axes = [DVec3::X, DVec3::Y, DVec3::Z];
         let low = axes.map(|axis| Self::plane(min, axis));
@@ -193,7 +197,7 @@ impl Obstacle {
         }
     }
 
-    /// Signed distance of a point from the surface, in m and negative inside, and the normal there.
+    /// Signed distance of a point from the surface, in m and negative inside, and the unit normal there.
     pub(crate) fn distance(&self, at: DVec3) -> (f64, DVec3) {
         match self.solid {
             Solid::HalfSpace { point, normal } => ((at - point).dot(normal), normal),
@@ -204,6 +208,8 @@ impl Obstacle {
             } => {
                 let local = orientation.inverse() * (at - center);
                 let outside = local.abs() - half_size;
+                // Outside, the direction from the nearest point of the box; inside, the normal of the
+                // nearest face.
                 let normal = if outside.max_element() > 0.0 {
                     outside.max(DVec3::ZERO)
                 } else {

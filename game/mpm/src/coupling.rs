@@ -1,8 +1,8 @@
-//! Two-way coupling of balls: impulses between a ball and the nodes whose particles touch it.
+//! Two-way coupling of balls and particles: impulses between a ball and the nodes whose particles touch it.
 //!
 //! Projected Gauss–Seidel on sequential impulses (Catto 2005, "Iterative dynamics with temporal
-//! coherence"): each contact in turn makes its node stop moving into the ball, and what the node gains
-//! the ball loses, to the last bit of the sums. So light balls under heavy nodes stay stable.
+//! coherence"): each contact in turn stops its node from moving into the ball by equal and opposite
+//! impulses on both, so light balls under heavy nodes stay stable.
 
 use glam::{DVec3, Vec3};
 
@@ -10,26 +10,26 @@ use crate::body::{Ball, Bodies};
 use crate::grid::{place, stop};
 use crate::storage::NodeBlock;
 
-/// A node whose particles touch a ball.
+/// Contact of a ball with a node whose particles touch it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Contact {
     node: usize,
     ball: usize,
     /// From the ball's centre to the node, in m.
     arm: DVec3,
-    /// Away from the ball.
+    /// Unit normal, away from the ball.
     normal: DVec3,
-    /// At which they part if they overlap.
+    /// Normal speed at which an overlap is separated.
     parting_m_s: f64,
     mass_kg: f64,
     friction: f64,
-    /// Impulse on the node along the normal so far, in kg·m/s.
+    /// Accumulated normal impulse on the node, in kg·m/s.
     push: f64,
-    /// Impulse on the node along the surface so far, in kg·m/s.
+    /// Accumulated tangential impulse on the node, in kg·m/s.
     drag: DVec3,
 }
 
-/// Rounds over all contacts; the last changes impulses by less than a hundredth.
+/// Gauss–Seidel iterations over all contacts; the last changes impulses by less than 1 %.
 const ROUNDS: usize = 8;
 
 impl Contact {
@@ -53,8 +53,8 @@ impl Contact {
         }
     }
 
-    /// Changes the impulses so that the node neither moves into the ball nor slides on it against
-    /// Coulomb's law, and returns the node's velocity then.
+    /// Updates the accumulated impulses so that the node neither moves into the ball nor violates Coulomb's
+    /// law, applies their changes to the ball, and returns the node's new velocity in m/s.
     fn resolve(&mut self, ball: &mut Ball, velocity: DVec3) -> DVec3 {
         let normal = self.normal;
         let surface = ball.velocity + ball.angular_velocity.cross(self.arm);
@@ -62,12 +62,14 @@ impl Contact {
         let inverse_masses = 1.0 / self.mass_kg + 1.0 / ball.mass_kg;
         let lever = self.arm.cross(normal).length_squared() / ball.moment_of_inertia();
         let approach = relative.dot(normal) - self.parting_m_s;
+        // The accumulated impulse is clamped, not its change: an iteration may take back what an earlier
+        // one gave.
         let push = (self.push - approach / (inverse_masses + lever)).max(0.0);
         let slip = relative - normal * relative.dot(normal);
-        // The longest lever that there can be: the step is never too large.
+        // |r|²/I bounds |r × t|²/I over all tangents t: the correction never overshoots.
         let inverse_inertia = self.arm.length_squared() / ball.moment_of_inertia();
         let drag = self.drag - slip / (inverse_masses + inverse_inertia);
-        // By the push of all rounds: Coulomb's bound holds for the substep, not for a round.
+        // Coulomb's bound holds for the accumulated impulses of the substep, not for one iteration's.
         let drag = drag.clamp_length_max(self.friction * push);
         let impulse = normal * (push - self.push) + (drag - self.drag);
         self.push = push;
@@ -77,7 +79,7 @@ impl Contact {
     }
 }
 
-/// Resolves the contacts of all nodes with balls.
+/// Resolves the contacts of all nodes with balls, and updates the velocities of both.
 pub(crate) fn resolve_contacts(nodes: &mut [NodeBlock], bodies: &mut Bodies, cell_size_m: f64) {
     let mut touched: Vec<_> = nodes
         .iter_mut()
@@ -96,7 +98,7 @@ pub(crate) fn resolve_contacts(nodes: &mut [NodeBlock], bodies: &mut Bodies, cel
             }
         }
     }
-    // A ball must not push particles through an obstacle.
+    // Obstacles have the last word: a ball must not push particles through them.
     for node in touched {
         for index in 0..node.contacts.len() {
             let contact = node.contacts[index];

@@ -1,12 +1,12 @@
-//! Dust: chalk that flies, is dragged by air and settles.
+//! Chalk dust: ballistic grains with air drag, which settle.
 
 use glam::{DVec3, Vec3};
 
 use crate::body::{Ball, Bodies};
 use crate::error::{Result, check_finite, check_range};
 
-/// Grains too light to push each other: each falls with the drag of Stokes until it lies on
-/// something. Motion between steps is exact, however long a step is.
+/// Grains that do not interact with each other: each falls with Stokes drag until it settles on an
+/// obstacle. The motion is integrated in closed form, exact for steps of any length.
 #[derive(Clone, Debug)]
 pub struct Dust {
     grain: Grain,
@@ -14,25 +14,25 @@ pub struct Dust {
     specks: Vec<Speck>,
 }
 
-/// What dust is made of.
+/// Properties of the grains of a dust.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grain {
-    /// In m; default 2e-5, chalk. Drag is that of Stokes up to about 8e-5.
+    /// Diameter, in m; default 2e-5, chalk. Stokes drag holds up to about 8e-5.
     pub diameter_m: f32,
-    /// In kg/m³; default 2,700, that of calcite.
+    /// Density, in kg/m³; default 2,700, that of calcite.
     pub density_kg_m3: f32,
     /// Dynamic viscosity of air, in Pa·s; default 1.8e-5.
     pub air_viscosity_pa_s: f32,
 }
 
-/// A grain of dust.
+/// State of a grain of dust.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Speck {
-    /// In m.
+    /// Position, in m.
     pub position: Vec3,
-    /// In m/s; 0 once settled.
+    /// Velocity, in m/s; 0 once settled.
     pub velocity: Vec3,
-    /// Whether it lies on an obstacle, where it stays until a ball wipes it away.
+    /// Whether it lies on an obstacle, where it stays until a ball carries it off.
     pub is_settled: bool,
 }
 
@@ -47,12 +47,12 @@ impl Default for Grain {
 }
 
 impl Grain {
-    /// In kg.
+    /// Mass of a grain, in kg.
     pub fn mass_kg(&self) -> f32 {
         self.density_kg_m3 * std::f32::consts::PI / 6.0 * self.diameter_m.powi(3)
     }
 
-    /// Time in which drag takes away all but 1/e of a velocity, in s: `ρ d² / (18 η)`, after
+    /// Relaxation time of a velocity under drag, after which 1/e of it is left, in s: `ρ d² / (18 η)`, after
     /// Stokes 1851.
     pub fn relaxation_secs(&self) -> f32 {
         let square = self.diameter_m * self.diameter_m;
@@ -61,7 +61,7 @@ impl Grain {
 }
 
 impl Dust {
-    /// No dust yet, under an acceleration of free fall in m/s².
+    /// An empty dust under an acceleration of gravity in m/s².
     ///
     /// # Errors
     ///
@@ -84,11 +84,11 @@ impl Dust {
         })
     }
 
-    /// Adds a grain at a place in m that moves at a velocity in m/s.
+    /// Adds a grain at a position in m with a velocity in m/s.
     ///
     /// # Errors
     ///
-    /// If one is not finite.
+    /// If either is not finite.
     pub fn add(&mut self, position: Vec3, velocity: Vec3) -> Result<()> {
         check_finite("place of a grain", position)?;
         check_finite("velocity of a grain", velocity)?;
@@ -100,8 +100,8 @@ impl Dust {
         Ok(())
     }
 
-    /// Advances all grains by a time in s. Balls carry along what they touch, and lose the momentum
-    /// that it gains; they do not move.
+    /// Advances all grains by a time in s. Balls carry along grains that they touch and lose the momentum
+    /// that these gain; the balls' positions do not change. Impulses are added to those that balls have.
     ///
     /// # Errors
     ///
@@ -114,7 +114,8 @@ impl Dust {
         let terminal = self.gravity * relaxation_secs;
         let ratio = duration_secs as f32 / relaxation_secs;
         let kept = (-ratio).exp();
-        // ∫ exp(−t/τ) dt over the step.
+        // dv/dt = (v∞ − v)/τ with the terminal velocity v∞ = g τ: v − v∞ decays as exp(−t/τ), and its
+        // integral over the step is τ (1 − exp(−T/τ)). `exp_m1` keeps that accurate for short steps.
         let glide_secs = -(-ratio).exp_m1() * relaxation_secs;
         for speck in &mut self.specks {
             if !speck.is_settled {
@@ -130,18 +131,18 @@ impl Dust {
         Ok(())
     }
 
-    /// All grains, in the order in which they were added.
+    /// States of all grains, in the order in which they were added.
     pub fn specks(&self) -> &[Speck] {
         &self.specks
     }
 
-    /// Keeps the grains for which the function is true.
+    /// Keeps the grains for which the function returns true.
     pub fn retain(&mut self, keep: impl FnMut(&Speck) -> bool) {
         self.specks.retain(keep);
     }
 }
 
-/// Lays a grain that has reached an obstacle down on its surface.
+/// Settles a grain that has entered an obstacle on its surface.
 fn settle(speck: &mut Speck, bodies: &Bodies) {
     for obstacle in &bodies.obstacles {
         let (distance, normal) = obstacle.distance(speck.position.as_dvec3());
@@ -153,7 +154,8 @@ fn settle(speck: &mut Speck, bodies: &Bodies) {
     }
 }
 
-/// Puts a grain that is inside of a ball onto its surface, to move with it.
+/// Moves a grain that is inside a ball to its surface, at the surface's velocity, and applies the opposite
+/// impulse to the ball.
 fn carry(speck: &mut Speck, ball: &mut Ball, mass_kg: f64) {
     let arm = speck.position.as_dvec3() - ball.position;
     if arm.length_squared() >= ball.radius_m * ball.radius_m {

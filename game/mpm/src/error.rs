@@ -1,54 +1,54 @@
-//! The crate's error: what was wrong, with its value, and what would be right.
+//! The crate's error type, whose messages name the wrong value and what would be right.
 
 use glam::Vec3;
 
-/// The crate's result.
+/// Result of the crate's functions.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// A request that cannot be carried out. The simulation is as it was before it.
+/// Failure of a request. Unless a function says otherwise, the simulation is as it was before.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
     /// A number of settings, material, body or step is out of range.
     #[error("the {quantity} is {value}: it must be from {min:e} to {max:e}")]
     OutOfRange {
-        /// Its name and unit.
+        /// Name and unit of the quantity.
         quantity: &'static str,
-        /// What it is.
+        /// Its value.
         value: f64,
-        /// The least.
+        /// Least allowed value.
         min: f64,
-        /// The most.
+        /// Greatest allowed value.
         max: f64,
     },
-    /// A place, a speed or a deformation is no number or infinite.
+    /// A component of a vector is NaN or infinite.
     #[error("the {quantity} {value} is not finite: check what computed it")]
     NotFinite {
-        /// Its name.
+        /// Name of the quantity.
         quantity: &'static str,
-        /// What it is.
+        /// Its value.
         value: Vec3,
     },
-    /// A region holds not one particle.
+    /// A region is too small for a single particle.
     #[error(
         "the region holds no particle: it must be wider than {spacing_m} m, the distance of \
          particles, or the cells must be smaller"
     )]
     EmptyRegion {
-        /// Between neighbouring particles, in m.
+        /// Distance between neighbouring particles, in m.
         spacing_m: f32,
     },
     /// More particles than a simulation may have.
     #[error("{particles} particles are more than {max}: use larger cells or a smaller region")]
     TooManyParticles {
-        /// How many there would be.
+        /// Number of particles that there would be.
         particles: usize,
-        /// The most.
+        /// Largest allowed number.
         max: usize,
     },
-    /// A particle is so far away that its cell has no number.
+    /// A particle is so far from the origin that its block's coordinates are out of range.
     #[error("a particle at {position_m} m is out of reach: remove it with `retain`")]
     OutOfReach {
-        /// In m.
+        /// Position of the particle, in m.
         position_m: Vec3,
     },
     /// A step would take more substeps than allowed.
@@ -57,16 +57,16 @@ pub enum Error {
          {max}: step less, or use larger cells or softer materials"
     )]
     TooManySubsteps {
-        /// Of the step, in s.
+        /// Duration of the step, in s.
         duration_secs: f64,
-        /// How many it would take.
+        /// Number of substeps that it would take.
         substeps: f64,
-        /// As they were, in s.
+        /// Longest stable substep, in s.
         substep_secs: f64,
-        /// The most.
+        /// Largest allowed number of substeps.
         max: u32,
     },
-    /// No device computes through Vulkan, Metal or Direct3D 12.
+    /// There is no device with compute through Vulkan, Metal or Direct3D 12.
     #[cfg(feature = "gpu")]
     #[error(
         "there is no GPU: install its Vulkan driver, or one in software (Debian: \
@@ -77,9 +77,9 @@ pub enum Error {
     #[cfg(feature = "gpu")]
     #[error("{device}: {message}")]
     Gpu {
-        /// Its name and driver.
+        /// Name and driver of the GPU.
         device: String,
-        /// What happened.
+        /// Description of the failure.
         message: String,
     },
     /// A GPU's buffers or the kernels' tables are too small.
@@ -88,51 +88,51 @@ pub enum Error {
         "the number of {quantity} is {value}: {device} takes {max} at most; use fewer, or the CPU"
     )]
     GpuLimit {
-        /// Of what there is too much.
+        /// Name of the quantity that is too large.
         quantity: &'static str,
-        /// How many.
+        /// Its value.
         value: u64,
-        /// The most.
+        /// Largest value that the device takes.
         max: u64,
-        /// The GPU's name and driver.
+        /// Name and driver of the GPU.
         device: String,
     },
-    /// The integers in which a GPU sums are too small.
+    /// The 32-bit integers in which a GPU sums mass and momentum came near to overflow.
     #[cfg(feature = "gpu")]
     #[error(
         "a node of the grid holds more than {times} times the mass of the fullest cell at the start, or \
          its momentum at twice the fastest speed: lower `Settings::courant`, now {courant}, and start again"
     )]
     NodeTooHeavy {
-        /// The most.
+        /// Largest allowed mass of a node over the nominal mass.
         times: u32,
-        /// As it was set.
+        /// [`crate::Settings::courant`] as it was set.
         courant: f32,
     },
-    /// Stored particles that no simulation has.
+    /// A snapshot is not one that a simulation returns.
     #[error("the stored particles are none of a simulation: {fault}")]
     BadSnapshot {
-        /// What they have that none has.
+        /// Description of the fault.
         fault: &'static str,
     },
-    /// Velocities grew past all numbers.
+    /// Velocities are no longer finite.
     #[error("the simulation diverged: lower `Settings::courant`, now {courant}, and start again")]
     Diverged {
-        /// As it was set.
+        /// [`crate::Settings::courant`] as it was set.
         courant: f32,
     },
-    /// Velocities of marbles grew past all numbers.
+    /// The state of a marble is no longer finite.
     #[error(
         "the marbles diverged at substeps of {substep_secs:e} s: make them softer or heavier, or the balls that meet \
          them slower, and start again"
     )]
     MarblesDiverged {
-        /// As they were, in s.
+        /// Length of the substeps, in s.
         substep_secs: f64,
     },
 }
 
-/// Refuses a number that is not in a closed range.
+/// Returns an error for a number that is not in a closed range, or NaN.
 pub(crate) fn check_range(quantity: &'static str, value: f64, min: f64, max: f64) -> Result<()> {
     if (min..=max).contains(&value) {
         return Ok(());
@@ -145,7 +145,7 @@ pub(crate) fn check_range(quantity: &'static str, value: f64, min: f64, max: f64
     })
 }
 
-/// Refuses a vector with a component that is not finite.
+/// Returns an error for a vector with a component that is not finite.
 pub(crate) fn check_finite(quantity: &'static str, value: Vec3) -> Result<()> {
     if value.is_finite() {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Grid to particles: velocities and affine velocities from the nodes around each particle.
+//! Grid-to-particle transfer: velocities and affine velocity matrices from the nodes around each particle.
 
 use fearless_simd::{f32x4, prelude::*};
 
@@ -8,7 +8,8 @@ use crate::packet::Packet;
 use crate::storage::{ABSENT, NodeBlock, ParticleBlock, TILE_NODES};
 use crate::tile::for_each_row;
 
-/// Gives the particles of a block their velocities.
+/// Sets the velocities and affine matrices of a block's particles, and the block's largest velocity
+/// component.
 #[inline(always)]
 pub(crate) fn g2p<S: Simd>(simd: S, block: &mut ParticleBlock, nodes: &[NodeBlock]) {
     for (side, node) in block.nodes.iter().enumerate() {
@@ -16,7 +17,8 @@ pub(crate) fn g2p<S: Simd>(simd: S, block: &mut ParticleBlock, nodes: &[NodeBloc
             continue;
         }
         let values = &nodes[*node as usize].values;
-        // Seen from the node block, this block lies on the opposite side.
+        // Rows are enumerated from the node block, for which this block lies at the opposite offset, 26 -
+        // side.
         for_each_row(26 - side, |row, start, len| {
             let nodes = &mut block.tile[start..start + len];
             nodes.copy_from_slice(&values[row..row + len]);
@@ -28,15 +30,16 @@ pub(crate) fn g2p<S: Simd>(simd: S, block: &mut ParticleBlock, nodes: &[NodeBloc
         for lane in 0..packet.len {
             let velocity = gather(simd, packet, lane, &block.tile);
             largest = largest.max(velocity.abs());
-            // A maximum may drop NaN. 0 times NaN or ∞ is NaN, and stays in the sum.
+            // A maximum may drop NaN. 0 times NaN or ∞ is NaN, which a sum keeps.
             poison += velocity * 0.0;
         }
     }
     block.speed_max = largest.reduce_max() + poison.reduce_sum();
 }
 
-/// Sums over the nodes around a particle: `v = Σ w v`, and `C Δx = 4 Σ w v dᵀ` of APIC (Jiang et
-/// al. 2015, "The affine particle-in-cell method") with d in cells.
+/// Gathers `v = Σ w v` and `C Δx = 4 Σ w v dᵀ`, d in cells, over the nodes around a particle (APIC: Jiang
+/// et al. 2015, "The affine particle-in-cell method"; 4 is the inverse second moment of the quadratic
+/// B-spline). Returns v.
 #[inline(always)]
 fn gather<S: Simd>(
     simd: S,
@@ -46,6 +49,7 @@ fn gather<S: Simd>(
 ) -> f32x4<S> {
     let kernel = Kernel::new(simd, &packet.position[lane]);
     let zero = Lanes::splat(simd, 0.0);
+    // Weights along z are applied once at the end: they are the same for all nine rows.
     let (mut sum, mut sum_x, mut sum_y) = (zero, zero, zero);
     for i in 0..3 {
         let dx = Lanes::splat(simd, kernel.distance[0] + i as f32);

@@ -1,4 +1,4 @@
-//! Grid: momentum becomes velocity, free fall acts, and obstacles stop what moves into them.
+//! Grid update: momentum becomes velocity, gravity acts, and obstacles bound velocities.
 
 use glam::{DVec3, Vec3};
 
@@ -8,34 +8,34 @@ use crate::storage::{ABSENT, BLOCK_EDGE, BLOCK_NODES, NodeBlock, ParticleBlock};
 use crate::tile::for_each_row;
 use crate::touch::{PARTING, PARTING_MAX_M_S, add_touches};
 
-/// Mass of a node under which it counts as empty, in kg: its momentum is nothing but rounding.
+/// Mass of a node below which it counts as empty, in kg: its momentum is mere rounding error.
 const NODE_MASS_MIN: f32 = 1e-30;
 
-/// Distance from a surface, in cells, up to which a node counts as inside: material then ends, by
-/// the mean over where the surface lies between nodes, at the surface.
+/// Distance from an obstacle's surface, in cells, up to which a node counts as inside. With half a cell the
+/// material ends at the surface, averaged over all positions of the surface between nodes.
 pub(crate) const SURFACE_CELLS: f64 = 0.499;
 
-/// From the middle of a node block's nodes to what can touch one of them, in cells: half of the
-/// diagonal of the nodes and half a cell.
+/// Distance from the centre of a node block's nodes within which an obstacle can touch one of them, in
+/// cells: half of the diagonal of the nodes, 1.5·√3, and half a cell, rounded up.
 pub(crate) const REACH_CELLS: f64 = 3.2;
 
-/// What the grid needs of a substep.
+/// Input of the grid update of a substep.
 #[derive(Clone, Copy)]
 pub(crate) struct GridStep<'a> {
     pub(crate) blocks: &'a [ParticleBlock],
     pub(crate) bodies: &'a Bodies,
     pub(crate) cell_size_m: f64,
-    /// In s.
+    /// Duration of the substep, in s.
     pub(crate) dt: f64,
-    /// Gain of velocity by free fall over the substep, in m/s.
+    /// Change of velocity by gravity over the substep, in m/s.
     pub(crate) fall: Vec3,
 }
 
-/// Adds up the tiles around a node block and finds its nodes' velocities after the substep. Those whose particles
-/// touch balls become contacts, too.
+/// Adds up the tiles around a node block, and computes its nodes' velocities after the substep but for
+/// balls, and the contacts of nodes whose particles touch balls.
 #[inline(always)]
 pub(crate) fn update(node: &mut NodeBlock, step: GridStep) {
-    // The middle of nodes 0 to 3 is at 1.5, which is 3/8 of the edge.
+    // The centre of nodes 0 to 3 is at 1.5, which is 3/8 of the edge.
     let center = (node.coordinate.as_dvec3() + 0.375) * f64::from(BLOCK_EDGE) * step.cell_size_m;
     let reach = REACH_CELLS * step.cell_size_m;
     let is_near = |obstacle: &&Obstacle| obstacle.distance(center).0 < reach;
@@ -71,19 +71,19 @@ pub(crate) fn update(node: &mut NodeBlock, step: GridStep) {
                 }
             }
         }
-        // The fourth number, the mass so far, goes into particles' velocities, whose fourth has to be 0.
+        // The fourth number is gathered into the particles' velocities, where `p2g` expects 0.
         node.values[index] = velocity.extend(0.0).into();
     }
 }
 
-/// Where a node is, in m.
+/// Position of a node, in m.
 pub(crate) fn place(node: &NodeBlock, index: usize, cell_size_m: f64) -> DVec3 {
     let local = [index / 16, index / 4 % 4, index % 4].map(|i| i as f64);
     (node.coordinate.as_dvec3() * f64::from(BLOCK_EDGE) + DVec3::from(local)) * cell_size_m
 }
 
-/// The velocity that an obstacle leaves to a node: Coulomb's law, as Stomakhin et al. 2013,
-/// section 8, with the impulse of the normal direction as its bound.
+/// Velocity of a node after contact with an obstacle, by Coulomb's law (Stomakhin et al. 2013, section 8):
+/// the normal impulse times the coefficient of friction bounds the tangential one.
 pub(crate) fn stop(
     obstacle: &Obstacle,
     place: DVec3,
@@ -103,6 +103,7 @@ pub(crate) fn stop(
     if approach >= 0.0 {
         return velocity;
     }
+    // The normal component is removed, and friction takes at most μ times it off the tangential speed.
     let along = velocity - normal * approach;
     let speed = along.length();
     let lost = -friction * approach;
@@ -113,7 +114,8 @@ pub(crate) fn stop(
     }
 }
 
-/// Sums of momentum and mass over the tiles around and, if wanted, of friction times mass.
+/// Sums momentum and mass over the tiles around a node block into it. Returns sums of friction times mass,
+/// or zeros without `with_friction`.
 #[inline(always)]
 fn add_tiles(
     node: &mut NodeBlock,

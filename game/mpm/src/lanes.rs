@@ -1,19 +1,20 @@
-//! Vectors of lanes, one particle a lane: 3x3 matrices, exponential and logarithm.
+//! SIMD arithmetic with one particle a lane: 3x3 matrices, exponential and logarithm.
 
 use fearless_simd::{f32x16, i32x16, prelude::*};
 
-/// Particles that one kernel step handles: a register of AVX-512, two of AVX2.
+/// Particles processed at once: one AVX-512 register of `f32`, two of AVX2.
 pub(crate) const LANES: usize = 16;
 
-/// A number a lane.
+/// One `f32` a lane.
 pub(crate) type Lanes<S> = f32x16<S>;
 
-/// A 3x3 matrix a lane, by row and column.
+/// One 3x3 matrix a lane, indexed by row and column.
 #[derive(Clone, Copy)]
 pub(crate) struct Mat3x<S: Simd>(pub(crate) [[Lanes<S>; 3]; 3]);
 
-/// Three values of a function of 0, 1 and 2. Unlike `array::from_fn` it is inlined for certain:
-/// what is not inlined is compiled without the instruction set and calls each of its instructions.
+/// The values of a function at 0, 1 and 2. Unlike `array::from_fn` it is always inlined: a function that is
+/// not inlined is compiled without the target features of `dispatch!`, and each SIMD operation in it
+/// becomes a call.
 #[inline(always)]
 pub(crate) fn each<T>(mut value: impl FnMut(usize) -> T) -> [T; 3] {
     [value(0), value(1), value(2)]
@@ -35,7 +36,7 @@ impl<S: Simd> Mat3x<S> {
         Self([[one, zero, zero], [zero, one, zero], [zero, zero, one]])
     }
 
-    /// Entries by row: nine arrays of lanes.
+    /// Loads nine arrays of lanes, the entries in row-major order.
     #[inline(always)]
     pub(crate) fn load(simd: S, entries: &[[f32; LANES]; 9]) -> Self {
         Self::from_fn(
@@ -97,37 +98,40 @@ pub(crate) fn dot<S: Simd>(a: [Lanes<S>; 3], b: [Lanes<S>; 3]) -> Lanes<S> {
     a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
 
-/// eˣ for x from -87 to 88, within 2e-7 of it; values beyond count as those ends.
+/// eˣ with a relative error below 2e-7; x is clamped to -87..=88, where results are normal numbers.
 #[inline(always)]
 pub(crate) fn exp<S: Simd>(x: Lanes<S>) -> Lanes<S> {
     let simd = x.simd;
     let splat = |value: f32| Lanes::splat(simd, value);
     let x = x.max(splat(-87.0)).min(splat(88.0));
     let exponent = (x * splat(std::f32::consts::LOG2_E)).round_ties_even();
-    // ln 2 in two parts: the first has few digits, so that its product is exact.
+    // rest = x − exponent · ln 2 (Cody and Waite): ln 2 is split into a part of few bits, whose product
+    // with the exponent is exact, and a correction.
     let rest = exponent.mul_add(splat(-0.693_359_4), x);
     let rest = exponent.mul_add(splat(2.121_944_4e-4), rest);
-    // Taylor's series up to the seventh power: what is left is at most ½ ln 2.
+    // Taylor's series up to the seventh power: |rest| ≤ ½ ln 2, so the next term is below 6e-9.
     let mut series = splat(1.0 / 5040.0);
     for divisor in [720.0, 120.0, 24.0, 6.0, 2.0, 1.0, 1.0] {
         series = series.mul_add(rest, splat(1.0 / divisor));
     }
     let bits: i32x16<S> = exponent.to_int::<i32x16<S>>();
+    // 2^exponent, assembled as the exponent bits of an f32, whose bias is 127.
     let power = ((bits + 127) << 23).bitcast::<f32x16<S>>();
     series * power
 }
 
-/// The natural logarithm of positive normal numbers, within 2e-7 absolute or relative.
+/// Natural logarithm of positive normal numbers, with an absolute or relative error below 2e-7, whichever
+/// is larger.
 #[inline(always)]
 pub(crate) fn ln<S: Simd>(x: Lanes<S>) -> Lanes<S> {
     let simd = x.simd;
     let splat = |value: f32| Lanes::splat(simd, value);
     let bits = x.bitcast::<i32x16<S>>();
-    // Mantissas from the square root of 1/2 to that of 2, for which the series converges fast.
+    // Subtracting the bits of √½ centres mantissas m on 1, from √½ to √2, where the series converges fast.
     let shifted = bits - 0x3f35_04f3;
     let exponent = shifted >> 23;
     let mantissa = (bits - (exponent << 23)).bitcast::<f32x16<S>>();
-    // ln m = 2 artanh s, whose series has odd powers alone.
+    // ln m = 2 artanh s with s = (m − 1)/(m + 1), |s| < 0.172: a series of odd powers, here up to the ninth.
     let s = (mantissa - splat(1.0)) / (mantissa + splat(1.0));
     let square = s * s;
     let mut series = splat(2.0 / 9.0);

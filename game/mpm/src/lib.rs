@@ -1,4 +1,5 @@
-//! The material point method: jelly, water, sand, snow, and dust and marbles beside it, that push balls and are pushed.
+//! The material point method for jelly, water, sand and snow in two-way contact with rigid balls, and
+//! beside it ballistic dust and marbles as discrete elements.
 //!
 //! ```text
 //!             ┌────────────────────── a substep ──────────────────────┐
@@ -8,9 +9,10 @@
 //! ```
 //!
 //! Moving least squares MPM (Hu et al. 2018) with the affine transfers of APIC (Jiang et al. 2015),
-//! quadratic B-splines and explicit symplectic substeps, as long as the speed of sound lets them be.
-//! [`Marbles`] are discrete elements. All is in SI units, z up. The crate knows no clock, no window and no randomness; on one
-//! instruction set the same steps give the same bits, whatever the number of rayon's threads.
+//! quadratic B-splines and explicit symplectic substeps, whose length the speed of sound bounds (CFL
+//! condition). [`Marbles`] are discrete elements. All quantities are in SI units, z up. The crate uses no
+//! clock, no window and no random numbers; on one instruction set the same steps give the same bits,
+//! whatever the number of rayon's threads.
 //!
 //! ```
 //! use carom_mpm::{Ball, Bodies, Material, Obstacle, Region, Sand, Settings, Simulation};
@@ -31,10 +33,10 @@
 //! # Ok::<(), carom_mpm::Error>(())
 //! ```
 //!
-//! With the feature `gpu`, `GpuSimulation` is the same in WGSL.
+//! With the feature `gpu`, `GpuSimulation` runs the same method in WGSL.
 //!
-//! Caller and crate share the work on balls: the caller's [`Ball::acceleration`] is all that is not
-//! of particles, and [`Ball::impulse`] all that is.
+//! Forces on balls are divided between caller and crate: the caller sets [`Ball::acceleration`] from all
+//! forces but those of particles, and [`Ball::impulse`] returns what particles contributed.
 
 mod body;
 mod coupling;

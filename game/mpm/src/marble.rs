@@ -1,4 +1,4 @@
-//! Properties of marbles, and the state of one.
+//! Properties common to all marbles, and the state of one.
 
 use std::f64::consts::PI;
 
@@ -7,23 +7,23 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, check_range};
 
-/// What all marbles of a heap are.
+/// Properties that all marbles of a collection share.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Marble {
-    /// In m; default 0.008, a toy marble.
+    /// Radius, in m; default 0.008, a toy marble.
     pub radius_m: f64,
-    /// In kg/m³; default 2,500, glass.
+    /// Density, in kg/m³; default 2,500, glass.
     pub density_kg_m3: f64,
-    /// Speed after over speed before of marbles that meet, and of marbles and balls, 0.15 to 1; default 0.9.
+    /// Coefficient of restitution between marbles and of marbles and balls, 0.15 to 1; default 0.9.
     pub restitution: f64,
-    /// The same on obstacles; default 0.5, slate under cloth.
+    /// Coefficient of restitution on obstacles, 0.15 to 1; default 0.5, slate under cloth.
     pub obstacle_restitution: f64,
-    /// Of Coulomb; default 0.3.
+    /// Coefficient of Coulomb friction; default 0.3.
     pub friction: f64,
-    /// Resistance to rolling over the weight; default 0.03, glass on cloth.
+    /// Coefficient of rolling friction, the resistance over the normal force; default 0.03, glass on cloth.
     pub rolling_friction: f64,
-    /// Of the normal spring, in N/m; default 1e5, far softer than glass for longer substeps: marbles that meet at
-    /// 5 m/s press each other in by 8 % of their diameter.
+    /// Stiffness of the normal spring, in N/m; default 1e5, far softer than glass for longer substeps:
+    /// marbles that meet at 5 m/s overlap by 8 % of their diameter.
     pub stiffness_n_m: f64,
 }
 
@@ -42,17 +42,18 @@ impl Default for Marble {
 }
 
 impl Marble {
-    /// In kg.
+    /// Mass of a marble, in kg.
     pub fn mass_kg(&self) -> f64 {
         4.0 / 3.0 * PI * self.radius_m.powi(3) * self.density_kg_m3
     }
 
-    /// About the centre, in kg·m².
+    /// Moment of inertia of a marble about its centre, in kg·m².
     pub fn moment_of_inertia(&self) -> f64 {
         0.4 * self.mass_kg() * self.radius_m * self.radius_m
     }
 
-    /// The longest substep, in s: a fifteenth of the time that two marbles touch.
+    /// The longest substep, in s: a fifteenth of the duration of a collision of two marbles, half a period
+    /// of the undamped spring with their reduced mass, π·√(m/2k).
     pub fn substep_secs_max(&self) -> f64 {
         PI * (0.5 * self.mass_kg() / self.stiffness_n_m).sqrt() / 15.0
     }
@@ -74,12 +75,12 @@ impl Marble {
     }
 }
 
-/// A marble.
+/// State of a marble.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MarbleState {
-    /// Of the centre, in m.
+    /// Position of the centre, in m.
     pub position: DVec3,
-    /// In m/s.
+    /// Velocity of the centre, in m/s.
     pub velocity: DVec3,
     /// Angular velocity, in rad/s.
     pub spin: DVec3,

@@ -1,29 +1,35 @@
-//! Contact of a marble: a spring and dashpot along the normal, a spring with Coulomb's bound along the surface.
+//! Contact model of a marble: a linear spring and dashpot along the normal, and a tangential spring and
+//! dashpot bounded by Coulomb's law.
 
 use glam::DVec3;
 
 use crate::marble::{Marble, MarbleState};
 
-/// What a marble touches, as the marble meets it.
+/// Surface of the second body of a marble's contact, at the marble.
 pub(crate) struct Surface {
-    /// From the surface to the marble's centre, in m.
+    /// Distance from the surface to the marble's centre, in m.
     pub(crate) distance_m: f64,
-    /// Out of it.
+    /// Unit normal out of the body.
     pub(crate) normal: DVec3,
+    /// Velocity of the body's centre, in m/s.
     pub(crate) velocity: DVec3,
+    /// Angular velocity, in rad/s.
     pub(crate) spin: DVec3,
-    /// Infinite for what does not move.
+    /// Mass in kg, infinite for static bodies.
     pub(crate) mass_kg: f64,
-    /// Of its curvature, in m; 0 for what does not move.
+    /// Radius of a sphere in m, 0 for static bodies.
     pub(crate) radius_m: f64,
 }
 
-/// What a contact gives a marble over a substep.
+/// Impulses of a contact over a substep.
 pub(crate) struct Push {
+    /// Impulse on the marble, in kg·m/s.
     pub(crate) impulse: DVec3,
+    /// From the marble's centre to the contact point, in m.
     pub(crate) arm: DVec3,
+    /// From the other body's centre to the contact point, in m.
     pub(crate) other_arm: DVec3,
-    /// Angular, against rolling.
+    /// Angular impulse on the marble by rolling friction, in kg·m²/s.
     pub(crate) rolling: DVec3,
 }
 
@@ -57,7 +63,8 @@ impl Surface {
         }
     }
 
-    /// Spring and dashpot along the normal, a spring with Coulomb's bound along the surface; none if they are apart.
+    /// Impulses on a marble over a substep of `dt` seconds, none if it does not touch; updates the stretch
+    /// of the tangential spring, in m.
     pub(crate) fn push(
         &self,
         marble: &Marble,
@@ -82,20 +89,23 @@ impl Surface {
         let force = (stiffness * depth_m - dashpot * approach).max(0.0);
         let slip = relative - approach * normal;
         let shear = stiffness * SHEAR_STIFFNESS;
-        // Along the surface solid spheres resist with 2/7 of their mass, as they turn: 1/m + r²/I is 7/2
-        // of 1/m.
+        // The effective tangential mass of solid spheres is 2/7 of the reduced mass, as they also turn:
+        // 1/m + r²/I = 7/2 · 1/m.
         let shear_dashpot = 2.0 * damping * (shear * mass_kg * SHEAR_STIFFNESS).sqrt();
-        // The spring turns with the contact.
+        // The stretch is projected to the tangent plane, as the contact may have turned since the last
+        // substep.
         let turned = *stretch - stretch.dot(normal) * normal + slip * dt;
         let drag = -shear * turned - shear_dashpot * slip;
         let bound = marble.friction * force;
         let bounded = drag.clamp_length_max(bound);
-        // A spring that slips keeps the stretch of Coulomb's bound, not what it would have without.
+        // While the contact slips, the stretch stays at Coulomb's bound: otherwise it would grow with the
+        // distance and push back when the slip ends.
         *stretch = match drag.length() > bound {
             true => -bounded / shear,
             false => turned,
         };
-        // At most what stops it within a substep.
+        // At most what stops the relative rotation within a substep: half the moment of inertia is the
+        // reduced one of two marbles.
         let rolling = sphere.spin - self.spin;
         let stop = 0.5 * marble.moment_of_inertia() * rolling.length();
         let resistance = (marble.rolling_friction * marble.radius_m * force * dt).min(stop);
@@ -108,9 +118,11 @@ impl Surface {
     }
 }
 
-/// The share of critical damping with which a spring and dashpot that never pull give a restitution: equation 20 of Schwager
-/// and Pöschel 2007, "Coefficient of restitution and linear–dashpot model revisited", solved by bisection.
+/// Damping ratio at which a linear spring and dashpot without attraction have a coefficient of restitution:
+/// equation 20 of Schwager and Pöschel 2007, "Coefficient of restitution and linear–dashpot model
+/// revisited", solved by bisection.
 pub(crate) fn damping_of(restitution: f64) -> f64 {
+    // The restitution of a ratio: the contact ends when the force, not the depth, is 0.
     let gives = |share: f64| {
         let swing = (1.0 - share * share).sqrt();
         let angle = (2.0 * share * swing).atan2(share * share - swing * swing);
@@ -127,5 +139,6 @@ pub(crate) fn damping_of(restitution: f64) -> f64 {
     low
 }
 
-/// Of the spring along the surface over that along the normal: both then swing alike (Schäfer et al. 1996).
+/// Stiffness of the tangential spring over that of the normal one. With the effective tangential mass of
+/// 2/7, both have the same period (Schäfer et al. 1996).
 const SHEAR_STIFFNESS: f64 = 2.0 / 7.0;

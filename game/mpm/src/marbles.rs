@@ -1,8 +1,9 @@
-//! Marbles: rigid spheres of one size that push each other, balls and obstacles.
+//! Marbles: rigid spheres of one size in contact with each other, balls and obstacles.
 //!
-//! Discrete elements with soft contacts: a linear spring and dashpot along the normal, a spring with Coulomb's bound
-//! along the surface, which keeps its stretch as long as the contact lasts (Cundall and Strack 1979, "A discrete
-//! numerical model for granular assemblies"). So a heap holds itself at rest without creep.
+//! Discrete element method with soft contacts: a linear spring and dashpot along the normal, and a
+//! tangential spring bounded by Coulomb's law, which keeps its stretch as long as the contact lasts
+//! (Cundall and Strack 1979, "A discrete numerical model for granular assemblies"). The stretch lets a heap
+//! rest without creep.
 
 use std::collections::HashMap;
 
@@ -16,7 +17,7 @@ use crate::marble_contact::{Surface, damping_of};
 use crate::settings::REST_SECS;
 use crate::storage::neighbours;
 
-/// What a marble may touch.
+/// Second body of a contact, by index. The order of contacts follows from that of the variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 enum Partner {
     Marble(u32),
@@ -24,30 +25,31 @@ enum Partner {
     Ball(u32),
 }
 
-/// A marble and what is near it.
+/// A marble and a body near enough to touch it before contacts are found again.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Contact {
     marble: u32,
     partner: Partner,
-    /// Stretch of the spring along the surface, in m.
+    /// Stretch of the tangential spring, in m.
     stretch: DVec3,
 }
 
-/// A heap of marbles, simulated one contact after the other in a fixed order: the same steps give the same bits.
+/// A collection of marbles, whose contacts are processed one after the other in a fixed order: the same
+/// steps give the same bits.
 #[derive(Clone, Debug)]
 pub struct Marbles {
     marble: Marble,
-    /// Shares of critical damping, with marbles and balls and with obstacles.
+    /// Damping ratios (shares of critical damping) of contacts with marbles and balls, and with obstacles.
     damping: [f64; 2],
     gravity: DVec3,
     rest_speed_m_s: f64,
     spheres: Vec<MarbleState>,
-    /// By marble and partner.
+    /// Sorted by marble and partner.
     contacts: Vec<Contact>,
     rested_secs: f64,
 }
 
-/// All that changes in [`Marbles`], to store: from it they go on with the same bits.
+/// The changing state of [`Marbles`], to be stored; restored marbles continue with the same bits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MarbleSnapshot {
     spheres: Vec<MarbleState>,
@@ -56,20 +58,21 @@ pub struct MarbleSnapshot {
 }
 
 impl MarbleSnapshot {
-    /// How many marbles it has.
+    /// Number of marbles.
     pub fn len(&self) -> usize {
         self.spheres.len()
     }
 
-    /// Whether it has none.
+    /// Whether there are no marbles.
     pub fn is_empty(&self) -> bool {
         self.spheres.is_empty()
     }
 }
 
 impl Marbles {
-    /// No marbles yet, under an acceleration of free fall in m/s². When all have been slower than a speed in m/s for
-    /// [`REST_SECS`] they sleep until a ball comes that is faster; 0: never.
+    /// An empty collection under an acceleration of gravity in m/s². When all marbles have been slower than
+    /// the speed of rest in m/s for [`REST_SECS`], they sleep until a faster ball comes near; with 0 they
+    /// never sleep.
     ///
     /// # Errors
     ///
@@ -99,7 +102,7 @@ impl Marbles {
     ///
     /// # Errors
     ///
-    /// If one of its numbers is not finite, or over 1e6.
+    /// If one of its vectors is not finite or longer than 1e6 in SI units.
     pub fn add(&mut self, sphere: MarbleState) -> Result<()> {
         for (quantity, value) in [
             ("place of a marble", sphere.position),
@@ -114,22 +117,22 @@ impl Marbles {
         Ok(())
     }
 
-    /// What they are.
+    /// The properties that all marbles share.
     pub fn marble(&self) -> &Marble {
         &self.marble
     }
 
-    /// All, in the order in which they were added.
+    /// States of all marbles, in the order in which they were added.
     pub fn spheres(&self) -> &[MarbleState] {
         &self.spheres
     }
 
-    /// Whether all rest: steps change nothing until a ball comes.
+    /// Whether all marbles sleep: steps do not change them until a moving ball comes near.
     pub fn is_asleep(&self) -> bool {
         self.spheres.is_empty() || self.rested_secs >= REST_SECS
     }
 
-    /// The marbles as they are.
+    /// A copy of the present state.
     pub fn snapshot(&self) -> MarbleSnapshot {
         MarbleSnapshot {
             spheres: self.spheres.clone(),
@@ -138,11 +141,11 @@ impl Marbles {
         }
     }
 
-    /// The same as when the snapshot was taken.
+    /// Restores the state of a snapshot.
     ///
     /// # Errors
     ///
-    /// [`Error::BadSnapshot`] for one that no marbles give.
+    /// [`Error::BadSnapshot`] if it is not a state that [`Self::snapshot`] returns; nothing has changed then.
     pub fn restore(&mut self, snapshot: &MarbleSnapshot) -> Result<()> {
         let refuse = |fault| Err(Error::BadSnapshot { fault });
         let is_small = |v: DVec3| v.is_finite() && v.length() < NUMBER_MAX;
@@ -167,12 +170,12 @@ impl Marbles {
         Ok(())
     }
 
-    /// Advances marbles and balls by a time in s; each ball's impulses are those by marbles.
+    /// Advances marbles and balls by a time in s; the balls' impulses are set to those by marbles.
     ///
     /// # Errors
     ///
-    /// If the time or a body is out of range or not finite, nothing was done; if velocities grew past all numbers, the
-    /// marbles are of no more use.
+    /// If the time or a body is out of range or not finite; nothing has changed then.
+    /// [`Error::MarblesDiverged`] if a number is no longer finite; the marbles cannot be continued then.
     pub fn step(&mut self, duration_secs: f64, bodies: &mut Bodies) -> Result<()> {
         check_range("duration of a step in s", duration_secs, 0.0, STEP_SECS_MAX)?;
         bodies.validate()?;
@@ -185,14 +188,15 @@ impl Marbles {
             .ceil()
             .max(1.0);
         let dt = duration_secs / count;
-        // Balls are others in each step.
+        // Indices of balls are the caller's and may change between steps, so stretches towards balls are
+        // dropped.
         self.contacts
             .retain(|c| !matches!(c.partner, Partner::Ball(_)));
         self.find_contacts(bodies);
         let mut travelled_m = 0.0;
         for _ in 0..count as u32 {
             let fastest = self.substep(dt, bodies);
-            // Twice: two may move towards each other.
+            // Twice, as two may move towards each other.
             travelled_m += 2.0 * fastest * dt;
             if !fastest.is_finite() || !self.spheres.iter().all(MarbleState::is_finite) {
                 return Err(Error::MarblesDiverged { substep_secs: dt });
@@ -224,11 +228,13 @@ impl Marbles {
         })
     }
 
-    /// Finds what may touch before anything has moved by the skin; what touched keeps its stretch.
+    /// Finds all pairs nearer than the skin (Verlet list), which stays valid until any pair has approached
+    /// by the skin. Pairs that were listed before keep their stretch.
     fn find_contacts(&mut self, bodies: &Bodies) {
         let radius_m = self.marble.radius_m;
         let skin_m = SKIN_RADII * radius_m;
-        // Cells are as wide as contacts reach, so that the 27 around a marble have all that it may touch.
+        // Cells are as wide as contacts reach, so the 27 cells around a marble hold all marbles that it may
+        // touch.
         let edge_m = 2.0 * radius_m + skin_m;
         let cell = |at: DVec3| (at / edge_m).floor().as_ivec3();
         let mut cells: HashMap<IVec3, Vec<u32>> = HashMap::new();
@@ -265,7 +271,7 @@ impl Marbles {
             }
         }
         found.sort_unstable_by_key(|contact| (contact.marble, contact.partner));
-        // Both lists are in one order, and one pass over them finds what touched before.
+        // Both lists are sorted by the same key: one merge pass finds the pairs of the old list.
         let mut old = self.contacts.iter().peekable();
         for contact in &mut found {
             let key = (contact.marble, contact.partner);
@@ -277,7 +283,8 @@ impl Marbles {
         self.contacts = found;
     }
 
-    /// Moves all on by the forces of contacts, and gives the fastest speed of a marble or ball, in m/s.
+    /// Advances marbles and balls by the forces of contacts over a time in s, and returns the largest speed
+    /// of a marble or ball, in m/s.
     fn substep(&mut self, dt: f64, bodies: &mut Bodies) -> f64 {
         let Self {
             marble,
@@ -292,6 +299,7 @@ impl Marbles {
         for ball in &mut bodies.balls {
             ball.velocity += ball.acceleration * dt;
         }
+        // Impulses are summed before any is applied, so that all contacts see the same state.
         let mut kicks = vec![(DVec3::ZERO, DVec3::ZERO); spheres.len()];
         let mut ball_kicks = vec![(DVec3::ZERO, DVec3::ZERO); bodies.balls.len()];
         for contact in contacts.iter_mut() {
@@ -327,7 +335,7 @@ impl Marbles {
         for (sphere, (impulse, turn)) in spheres.iter_mut().zip(kicks) {
             sphere.velocity += impulse / mass_kg;
             sphere.spin += turn / inertia;
-            // By the velocity after the kicks (semi-implicit Euler), with which springs gain no energy in
+            // With the velocity after the impulses (semi-implicit Euler), so that springs gain no energy in
             // the long run.
             sphere.position += sphere.velocity * dt;
             fastest = fastest.max(sphere.velocity.length());
@@ -341,7 +349,7 @@ impl Marbles {
     }
 }
 
-/// What a marble touches.
+/// The surface of a contact's partner at a marble.
 fn surface(
     partner: Partner,
     sphere: &MarbleState,
@@ -372,11 +380,12 @@ fn surface(
     }
 }
 
-/// How far marbles may move, over their radius, before contacts are looked for again.
+/// Skin of the contact list over the radius of a marble: pairs this much apart are listed.
 const SKIN_RADII: f64 = 0.25;
-/// In SI units: over what any marble does.
+/// Bound on positions, velocities, spins and stretches, in SI units: beyond any plausible value.
 const NUMBER_MAX: f64 = 1e6;
-/// Of a marble with others: spheres of one size touch twelve, and obstacles and balls come to them.
+/// Bound on the contacts of a snapshot per marble: spheres of one size touch at most twelve others,
+/// besides obstacles and balls.
 const CONTACTS_MAX: usize = 64;
-/// Of one step.
+/// Longest duration of one step, in s.
 const STEP_SECS_MAX: f64 = 10.0;

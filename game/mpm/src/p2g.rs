@@ -1,4 +1,8 @@
-//! Particles to grid: particles move and strain, then scatter momentum and mass to their tile.
+//! Particle-to-grid transfer: particles move and strain, then scatter momentum and mass to their block's
+//! tile.
+//!
+//! Positions and deformations are advanced here, at the start of a substep, with the velocities that `g2p`
+//! gathered at the end of the one before.
 
 use fearless_simd::{f32x4, i32x4, prelude::*};
 
@@ -10,12 +14,12 @@ use crate::storage::{ParticleBlock, TILE_EDGE, TILE_NODES};
 /// Constants of a substep.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Substep {
-    /// In s.
+    /// Duration, in s.
     pub(crate) dt: f32,
     pub(crate) cell_size_m: f32,
 }
 
-/// Nodes of a tile from one to the next along x and y.
+/// Strides of a tile along x and y, in nodes; along z it is 1.
 pub(crate) const STRIDE_X: usize = TILE_EDGE * TILE_EDGE;
 pub(crate) const STRIDE_Y: usize = TILE_EDGE;
 
@@ -53,7 +57,8 @@ fn advance_positions<S: Simd>(simd: S, packet: &mut Packet, dt_over_cell: f32) {
     }
 }
 
-/// Strains a packet by its affine velocities.
+/// Advances a packet's deformation by its affine velocity matrix, which in MLS-MPM serves as the velocity
+/// gradient. Returns the stress and the speed of sound over that at rest.
 #[inline(always)]
 fn advance_strain<S: Simd>(
     simd: S,
@@ -81,7 +86,7 @@ fn advance_strain<S: Simd>(
     result
 }
 
-/// x, y and z of 16 vectors, each as lanes.
+/// Sixteen vectors from array of structures to structure of arrays: x, y and z, each as lanes.
 #[inline(always)]
 fn transpose<S: Simd>(simd: S, vectors: &[[f32; 4]; LANES]) -> [[f32; LANES]; 3] {
     let mut out = [[0.0; LANES]; 3];
@@ -94,9 +99,9 @@ fn transpose<S: Simd>(simd: S, vectors: &[[f32; 4]; LANES]) -> [[f32; LANES]; 3]
     out
 }
 
-/// Columns, a particle each, of the impulse by which stress changes the momentum of nodes a cell
-/// apart: `−dt V₀ (4/Δx²) τ Δx`, equation 16 of Hu et al. 2018, "A moving least squares material
-/// point method".
+/// Columns of each particle's stress impulse matrix `−dt V₀ (4/Δx²) τ Δx`, which times a node's distance in
+/// cells changes the node's momentum: equation 16 of Hu et al. 2018, "A moving least squares material point
+/// method".
 #[inline(always)]
 fn stress_impulses<S: Simd>(
     simd: S,
@@ -112,7 +117,7 @@ fn stress_impulses<S: Simd>(
     }
     let mut out = [[[0.0; 4]; LANES]; 3];
     let zero = f32x4::splat(simd, 0.0);
-    // Columns of a symmetric tensor of which xx, yy, zz, xy, xz and yz are stored.
+    // Columns of the symmetric tensor as indices of its six stored entries xx, yy, zz, xy, xz and yz.
     for (column, entries) in out.iter_mut().zip([[0, 3, 4], [3, 1, 5], [4, 5, 2]]) {
         for (four, vectors) in column.as_chunks_mut::<4>().0.iter_mut().enumerate() {
             let [x, y, z] = each(
@@ -125,22 +130,22 @@ fn stress_impulses<S: Simd>(
     out
 }
 
-/// A particle's quadratic B-spline over the 3x3x3 nodes around it. Along z it is over four nodes,
-/// the last of weight 0, each four lanes wide.
+/// A particle's quadratic B-spline over the 3x3x3 nodes around it. Along z it spans four nodes, the last of
+/// weight 0, of four lanes each: a row of nodes along z with their four numbers is one vector of 16 lanes.
 pub(crate) struct Kernel<S: Simd> {
-    /// The first node in the tile.
+    /// Index in the tile of the first of the 27 nodes.
     pub(crate) start: usize,
     /// From the particle to the first node along x and y, in cells.
     pub(crate) distance: [f32; 2],
-    /// Of the three nodes along x and y.
+    /// Weights of the three nodes along x and along y.
     pub(crate) weights: [[f32; 3]; 2],
     /// From the particle to the four nodes along z, in cells.
     pub(crate) distance_z: Lanes<S>,
-    /// Of the four nodes along z.
+    /// Weights of the four nodes along z.
     pub(crate) weights_z: Lanes<S>,
 }
 
-/// The node along z of each lane.
+/// Index along z of each lane's node.
 const NODE_Z: [f32; LANES] = [
     0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0,
 ];
@@ -150,11 +155,13 @@ impl<S: Simd> Kernel<S> {
     pub(crate) fn new(simd: S, position: &[f32; 4]) -> Self {
         let position = f32x4::load_array_ref(simd, position);
         let base = position.floor();
-        // From the first node to the particle, 0.5 to 1.5 cells.
+        // From the first node to the particle, 0.5 to 1.5 cells: positions are stored less one half, so that
+        // `floor` gives the first of the three nodes.
         let x = position - base + 0.5;
         // The quadratic B-spline: 3/4 − d² within half a cell, ½ (3/2 − |d|)² beyond.
         let (a, b, c) = (-x + 1.5, x - 1.0, x - 0.5);
         let [w0, w1, w2] = [a * a * 0.5, -(b * b) + 0.75, c * c * 0.5];
+        // 1 more: the tile has a margin of one node before the block.
         let [bx, by, bz, _] = <[i32; 4]>::from(base.to_int::<i32x4<S>>());
         let start = ((bx + 1) * TILE_EDGE as i32 + by + 1) * TILE_EDGE as i32 + bz + 1;
         let distance_z = Lanes::load_array_ref(simd, &NODE_Z) - x[2];
@@ -183,7 +190,8 @@ fn scatter<S: Simd>(
     let kernel = Kernel::new(simd, &packet.position[lane]);
     let mass = packet.mass[lane];
     let load = |v: &[f32; 4]| f32x4::load_array_ref(simd, v);
-    // The fourth number of a node is its mass: with a velocity of 1 there, one sum takes in both.
+    // The fourth number of a node is its mass: a fourth velocity component of 1 adds it up in the same
+    // operations.
     let momentum = (load(&packet.velocity[lane]) + load(&[0.0, 0.0, 0.0, 1.0])) * mass;
     let columns = each(
         #[inline(always)]
@@ -193,7 +201,8 @@ fn scatter<S: Simd>(
         },
     );
     let wz = kernel.weights_z;
-    // Sixteen lanes are the four nodes of a row along z with four numbers each.
+    // The term along z is common to all nine rows, those along x and y are scaled by a row's distance: each
+    // row costs two fused multiply-adds.
     let along_z = columns[2].mul_add(kernel.distance_z, Lanes::block_splat(momentum)) * wz;
     let (along_x, along_y) = (columns[0] * wz, columns[1] * wz);
     for i in 0..3 {

@@ -1,29 +1,29 @@
-//! Packets: particles side by side, as SIMD takes them.
+//! Packets of particles, laid out for SIMD.
 
 use glam::Vec3;
 
 use crate::lanes::LANES;
 
-/// Up to 16 particles of one block and material. Lanes from `len` on are no particles.
+/// Up to 16 particles of one block and material. Lanes from `len` on are unused.
 #[derive(Clone)]
 pub(crate) struct Packet {
     /// Index of the material.
     pub(crate) material: u16,
     pub(crate) len: usize,
-    /// In cells from the block's first node, less one half, x y z and 0.
+    /// Positions in cells from the block's first node, less one half; x, y, z and 0.
     pub(crate) position: [[f32; 4]; LANES],
-    /// In m/s, x y z and 0.
+    /// Velocities in m/s; x, y, z and 0.
     pub(crate) velocity: [[f32; 4]; LANES],
     /// Columns of the affine velocity matrix of APIC: change of velocity over a cell along x, y and
     /// z, in m/s.
     pub(crate) affine: [[[f32; 4]; LANES]; 3],
-    /// Elastic deformation gradient, up to a rotation from the right, by row and column.
+    /// Elastic deformation gradients in row-major order, each up to a rotation from the right.
     pub(crate) deformation: [[f32; LANES]; 9],
-    /// The material's variable of state.
+    /// State variable of the material's model.
     pub(crate) state: [f32; LANES],
-    /// In kg; 0 in lanes that are no particles.
+    /// Masses in kg; 0 in unused lanes.
     pub(crate) mass: [f32; LANES],
-    /// At rest, in m³.
+    /// Volumes at rest, in m³.
     pub(crate) volume: [f32; LANES],
     pub(crate) id: [u32; LANES],
 }
@@ -64,13 +64,13 @@ impl Packet {
         self.id[to] = from.id[lane];
     }
 
-    /// A particle's affine velocities.
+    /// Columns of a particle's affine velocity matrix, in m/s a cell.
     pub(crate) fn affine_columns(&self, lane: usize) -> [Vec3; 3] {
         [0, 1, 2].map(|axis: usize| Vec3::from_slice(&self.affine[axis][lane]))
     }
 }
 
-/// The last of a block's packets, or a new one if a particle of the material does not fit into it.
+/// The last of a block's packets, or a new one if that is full or of another material.
 pub(crate) fn room_in(
     packets: &mut Vec<Packet>,
     material: u16,

@@ -4,30 +4,30 @@ use glam::{DVec3, Vec3};
 
 use crate::error::{Result, check_finite, check_range};
 
-/// A volume to be filled with particles.
+/// Volume to be filled with particles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Region {
-    /// A box with edges along the axes.
+    /// An axis-aligned box.
     Cuboid {
-        /// Its least corner, in m.
+        /// Least corner, in m.
         min: Vec3,
-        /// Its greatest corner, in m.
+        /// Greatest corner, in m.
         max: Vec3,
     },
     /// A ball.
     Ball {
-        /// In m.
+        /// Centre, in m.
         center: Vec3,
-        /// In m.
+        /// Radius, in m.
         radius_m: f32,
     },
-    /// An upright cylinder.
+    /// A cylinder along z.
     Cylinder {
-        /// The centre of its lower end, in m.
+        /// Centre of its lower end, in m.
         base: Vec3,
-        /// In m.
+        /// Radius, in m.
         radius_m: f32,
-        /// In m.
+        /// Height, in m.
         height_m: f32,
     },
 }
@@ -41,7 +41,7 @@ impl Region {
         check_range("shortest edge of a region in m", edge, 1e-9, 1e6)
     }
 
-    /// In m³.
+    /// Volume, in m³.
     pub fn volume_m3(&self) -> f64 {
         let (min, max) = self.bounds();
         let box_m3 = (max - min).element_product();
@@ -52,12 +52,13 @@ impl Region {
         }
     }
 
-    /// About how many particles fill it.
+    /// Approximate number of particles that fill it.
     pub(crate) fn count(&self, spacing_m: f32) -> f64 {
         self.volume_m3() / f64::from(spacing_m).powi(3)
     }
 
-    /// Places of particles about a distance apart, each for an equal part of the volume.
+    /// Positions in m of particles on a lattice of approximately a spacing in m, which divides the bounding
+    /// box evenly.
     pub(crate) fn places(&self, spacing_m: f32) -> Vec<Vec3> {
         let (min, max) = self.bounds();
         let size = max - min;

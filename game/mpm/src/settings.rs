@@ -4,32 +4,32 @@ use glam::Vec3;
 
 use crate::error::{Result, check_finite, check_range};
 
-/// Settings of a simulation, fixed when it is made.
+/// Settings of a simulation, fixed at its construction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Edge of a grid cell, in m, 1e-5 to 10; default 0.01. Half of it costs 16 times the time:
     /// 8 times the particles and twice the substeps.
     pub cell_size_m: f32,
-    /// Particles along the edge of a cell that `fill` lays, 1 to 4; default 2, 8 a cell. Fewer
-    /// leave holes when the material stretches to twice its length; 3 cost 3.4 times the time.
+    /// Particles along the edge of a cell that `fill` places, 1 to 4; default 2, which is 8 a cell. Fewer
+    /// leave holes when the material stretches to twice its length; 3 take 3.4 times as long.
     pub particles_per_edge: u32,
-    /// Acceleration of free fall, in m/s²; default 9.81 down.
+    /// Acceleration of gravity, in m/s²; default 9.81 down.
     pub gravity: Vec3,
-    /// Longest substep in units of cell size over speed of sound, over 0 to 1; default 0.5.
-    /// Stable up to 1.0 (1.7 is not); lower values cost time in proportion.
+    /// Courant number: longest substep in units of cell size over speed of sound, 0.001 to 1; default 0.5.
+    /// Stable up to 1.0 (1.7 is not); time grows in inverse proportion.
     pub courant: f32,
-    /// Speed under which particles count as resting, in m/s; default 0.002. When all have
-    /// rested for `REST_SECS` they sleep: steps cost nothing and change no bit. 0: never.
+    /// Speed below which particles count as resting, in m/s; default 0.002. When all have rested for
+    /// [`REST_SECS`] they sleep: steps cost nothing and change no bit. With 0 they never sleep.
     pub rest_speed_m_s: f32,
-    /// Most substeps of one step; default 10,000.
+    /// Largest number of substeps of one step; default 10,000.
     pub substeps_max: u32,
 }
 
-/// Time for which every particle must be slower than [`Settings::rest_speed_m_s`] to fall asleep,
-/// in s: longer than a slosh or a bounce is slow at its turning point.
+/// Time for which every particle must be slower than [`Settings::rest_speed_m_s`] before all sleep, in s:
+/// longer than sloshing or bouncing material is slow at a turning point.
 pub const REST_SECS: f64 = 0.25;
 
-/// Most particles of one simulation: a number of a particle fits 32 bits with room.
+/// Largest number of particles of one simulation: a particle's id fits 32 bits with room.
 pub const PARTICLES_MAX: usize = 1 << 27;
 
 impl Default for Settings {
@@ -60,7 +60,7 @@ impl Settings {
         check_range("most substeps", self.substeps_max.into(), 1.0, 1e9)
     }
 
-    /// Distance of the particles that `fill` lays, in m.
+    /// Distance between neighbouring particles that `fill` places, in m.
     pub(crate) fn spacing_m(&self) -> f32 {
         self.cell_size_m / self.particles_per_edge as f32
     }

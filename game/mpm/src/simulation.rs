@@ -1,4 +1,4 @@
-//! Simulation: particles of several materials, advanced in stable substeps.
+//! Simulation of particles of several materials in stable explicit substeps.
 
 use fearless_simd::{Level, dispatch};
 use glam::Vec3;
@@ -17,10 +17,10 @@ use crate::storage::{DRIFT_MAX, Particle, Storage};
 use crate::totals::Totals;
 use crate::touch::find_touches;
 
-/// Cells that a particle or ball may cross in a substep.
+/// Largest distance that a particle or ball may move in a substep, in cells.
 pub(crate) const TRAVEL_CELLS_MAX: f64 = 0.5;
 
-/// Particles and the grid on which they meet.
+/// Particles and the background grid on which they interact.
 #[derive(Clone)]
 pub struct Simulation {
     settings: Settings,
@@ -29,24 +29,24 @@ pub struct Simulation {
     pub(crate) storage: Storage,
     pub(crate) particles: usize,
     pub(crate) next_id: u32,
-    /// Particles came or went since they were put in order.
+    /// Whether particles were added or removed since they were last sorted.
     is_disordered: bool,
-    /// Cells that the fastest particle may have moved since they were put in order.
+    /// Bound on the distance that any particle has moved along an axis since the last sorting, in cells.
     drift: f32,
     /// Largest component of a particle's velocity, in m/s.
     pub(crate) speed_max: f32,
-    /// Fastest sound, in m/s.
+    /// Largest speed of sound of any particle, in m/s.
     pub(crate) sound_max: f32,
-    /// For how long all particles have been slower than the speed of rest.
+    /// Time for which all particles have been slower than the speed of rest, in s.
     pub(crate) rested_secs: f64,
 }
 
-/// What a step did.
+/// Statistics of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepReport {
-    /// Substeps taken; 0 asleep.
+    /// Substeps taken; 0 while particles sleep.
     pub substeps: u32,
-    /// How often particles were put in order.
+    /// Number of times that particles were sorted.
     pub orderings: u32,
 }
 
@@ -73,8 +73,8 @@ impl Simulation {
         })
     }
 
-    /// Fills a region with a material that moves at a velocity in m/s, and returns how many
-    /// particles it took. Their masses add up to the region's volume times the density.
+    /// Fills a region with a material that moves at a velocity in m/s, and returns the number of
+    /// particles added. Their masses add up to the region's volume times the density.
     ///
     /// # Errors
     ///
@@ -92,12 +92,12 @@ impl Simulation {
         Ok(places.len())
     }
 
-    /// Adds particles of a material at places in m, each of a volume in m³ at rest, that move at a
+    /// Adds particles of a material at positions in m, each of the same volume in m³ at rest and the same
     /// velocity in m/s.
     ///
     /// # Errors
     ///
-    /// If a number is out of range or not finite, or particles become too many.
+    /// If a number is out of range or not finite, or there would be too many particles.
     pub fn add(
         &mut self,
         places: &[Vec3],
@@ -134,7 +134,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Keeps the particles for which the function is true, and wakes them if any went.
+    /// Keeps the particles for which the function returns true, and wakes them if any were removed.
     pub fn retain(&mut self, keep: impl FnMut(&Particle) -> bool) {
         self.storage.retain(keep);
         let particles = self.storage.particles().count();
@@ -149,8 +149,10 @@ impl Simulation {
     ///
     /// # Errors
     ///
-    /// If the time or a body is out of range or not finite, nothing was done. If velocities grew
-    /// past all numbers, the simulation is of no more use.
+    /// If the time or a body is out of range or not finite; nothing has changed then. Also if velocities
+    /// are no longer finite, a particle is out of reach or too many substeps would be needed: particles and
+    /// bodies are then those of the last substep, and after [`Error::Diverged`] the simulation cannot be
+    /// continued.
     pub fn step(&mut self, duration_secs: f64, bodies: &mut Bodies) -> Result<StepReport> {
         check_range("duration of a step in s", duration_secs, 0.0, 3600.0)?;
         bodies.validate()?;
@@ -162,6 +164,7 @@ impl Simulation {
                 bodies.move_freely(left_secs);
                 break;
             }
+            // Planned anew for each substep, as speeds change: the rest of the step in equal parts.
             let longest_secs = self.substep_secs_max(bodies);
             let count = (left_secs / longest_secs).ceil().max(1.0);
             self.check_substeps(
@@ -171,14 +174,14 @@ impl Simulation {
             )?;
             let dt = left_secs / count;
             self.substep(dt, bodies, &mut report)?;
-            // Exactly 0 at the end: what rounding left would become a substep of its own.
+            // Exactly 0 at the end: a rounding remainder would become a substep of its own.
             left_secs = if count > 1.0 { left_secs - dt } else { 0.0 };
         }
         Ok(report)
     }
 
-    /// Puts particles in order, as steps do when they must: after it the bits to come depend on nothing but
-    /// what [`Self::snapshot`] holds.
+    /// Sorts particles by block, material and cell, as steps do when necessary. The bits of later steps then
+    /// depend on nothing but what [`Self::snapshot`] holds.
     ///
     /// # Errors
     /// If a particle is out of reach.
@@ -218,8 +221,8 @@ impl Simulation {
         nodes
             .par_iter_mut()
             .for_each(|node| dispatch!(level, _simd => update(node, grid_step)));
-        // As nodes have just been: contacts see both after free fall, and what carries a ball takes its
-        // weight at once.
+        // External forces first, as for nodes in `update`: contacts then see both velocities after gravity,
+        // and particles that carry a ball take its weight in the same substep.
         for ball in &mut bodies.balls {
             ball.velocity += ball.acceleration * dt;
         }
@@ -235,7 +238,7 @@ impl Simulation {
         self.observe(dt)
     }
 
-    /// Takes note of speeds after a substep.
+    /// Updates the largest speeds and the time at rest after a substep.
     fn observe(&mut self, dt: f64) -> Result<()> {
         self.speed_max = 0.0;
         self.sound_max = 0.0;
@@ -255,8 +258,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// The longest stable substep, in s: sound crosses no more cells than the Courant number, and
-    /// nothing crosses half a cell.
+    /// The longest stable substep, in s: sound travels at most the Courant number of cells, and particles and
+    /// balls at most [`TRAVEL_CELLS_MAX`].
     fn substep_secs_max(&self, bodies: &Bodies) -> f64 {
         let cell_size_m = f64::from(self.settings.cell_size_m);
         let by_sound = f64::from(self.settings.courant) * cell_size_m / f64::from(self.sound_max);
@@ -283,6 +286,7 @@ impl Simulation {
         })
     }
 
+    // Counts ids given so far, also of removed particles: ids are not reused.
     fn check_count(&self, added: usize) -> Result<()> {
         let particles = added.saturating_add(self.next_id as usize);
         if particles <= PARTICLES_MAX {
@@ -300,12 +304,13 @@ impl Simulation {
         })
     }
 
-    /// Whether all particles rest: steps change nothing until a ball comes or particles are added.
+    /// Whether all particles sleep: steps change none of them until a moving ball touches their nodes or
+    /// particles are added or removed.
     pub fn is_asleep(&self) -> bool {
         self.particles == 0 || self.rested_secs >= REST_SECS
     }
 
-    /// Whether a ball that moves touches the nodes of a particle.
+    /// Whether a moving ball may touch a node of a particle.
     fn is_disturbed(&self, bodies: &Bodies) -> bool {
         let cell_size_m = f64::from(self.settings.cell_size_m);
         let rest_speed = f64::from(self.settings.rest_speed_m_s);
@@ -332,13 +337,14 @@ impl Simulation {
         &mut self.storage
     }
 
-    /// Largest component of a particle's velocity and fastest sound, in m/s.
+    /// Largest component of a particle's velocity and largest speed of sound, in m/s.
     #[cfg(feature = "gpu")]
     pub(crate) fn speeds(&self) -> (f32, f32) {
         (self.speed_max, self.sound_max)
     }
 
-    /// The same simulation with its particles elsewhere, and their speeds.
+    /// A simulation of the same settings and materials with other states of its particles, and their largest
+    /// velocity component and speed of sound in m/s.
     #[cfg(feature = "gpu")]
     pub(crate) fn with_storage(&self, storage: Storage, speeds: (f32, f32)) -> Self {
         let (speed_max, sound_max) = speeds;
@@ -357,7 +363,7 @@ impl Simulation {
         }
     }
 
-    /// How many particles there are.
+    /// Number of particles.
     pub fn len(&self) -> usize {
         self.particles
     }
@@ -367,12 +373,12 @@ impl Simulation {
         self.particles == 0
     }
 
-    /// The settings with which it was made.
+    /// The settings given to [`Self::new`].
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// The materials of all particles so far, each once.
+    /// The distinct materials of all particles added so far.
     pub fn materials(&self) -> &[Material] {
         &self.materials
     }
@@ -382,7 +388,7 @@ impl Simulation {
         self.storage.totals()
     }
 
-    /// Every particle, in an order that changes as they move; ids stay.
+    /// Every particle, in an order that changes as they move; their ids do not.
     pub fn particles(&self) -> impl Iterator<Item = Particle> + '_ {
         self.storage.particles()
     }

@@ -1,4 +1,4 @@
-//! Snapshot of a simulation: numbers to store, from which it goes on with the same bits.
+//! Serialisable snapshot of a simulation, from which it continues with the same bits.
 
 use glam::{IVec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -9,8 +9,8 @@ use crate::settings::{PARTICLES_MAX, Settings};
 use crate::simulation::Simulation;
 use crate::storage::{BLOCK_COORDINATE_MAX, BLOCK_EDGE, Particle, ParticleState};
 
-/// All that steps change in a [`Simulation`], about 110 bytes a particle. Its settings and materials are the
-/// caller's to store.
+/// The changing state of a [`Simulation`], about 110 bytes a particle. The caller stores its settings and
+/// materials.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
     blocks: Vec<BlockSnapshot>,
@@ -19,14 +19,14 @@ pub struct Snapshot {
     rested_secs: f64,
 }
 
-/// Particles of a block of cells.
+/// The particles of a block of cells.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct BlockSnapshot {
     coordinate: [i32; 3],
     particles: Vec<ParticleSnapshot>,
 }
 
-/// A particle, as [`crate::packet::Packet`] has it.
+/// State of a particle, in the units of [`crate::packet::Packet`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct ParticleSnapshot {
     id: u32,
@@ -40,7 +40,7 @@ struct ParticleSnapshot {
 }
 
 impl Simulation {
-    /// The particles as they are.
+    /// A copy of the particles' present state.
     pub fn snapshot(&self) -> Snapshot {
         let blocks = self.storage.states().map(|(coordinate, particles)| {
             let particles = particles.into_iter().map(ParticleSnapshot::of);
@@ -57,11 +57,12 @@ impl Simulation {
         }
     }
 
-    /// The particles that a snapshot has, in order. With the settings and materials of the simulation that it
-    /// was taken of, the bits of the steps to come are those which [`Simulation::put_in_order`] gives that one.
+    /// A simulation of the particles of a snapshot, sorted. With the settings and materials of the original
+    /// simulation, later steps give the same bits as those of the original after
+    /// [`Simulation::put_in_order`].
     ///
     /// # Errors
-    /// If a setting or a material is out of its range, or the snapshot is none that a simulation gives.
+    /// If a setting or a material is out of its range, or the snapshot is not one that a simulation returns.
     pub fn restore(
         settings: Settings,
         materials: &[Material],
@@ -92,7 +93,7 @@ impl Simulation {
 }
 
 impl Snapshot {
-    /// The material of each particle by its number; none if a number is missing or there twice.
+    /// Index of the material of each particle, by particle id; none if an id is missing or occurs twice.
     pub fn materials_by_id(&self) -> Option<Vec<u16>> {
         let count = self.particles().count();
         let mut materials = vec![None; count];
@@ -173,7 +174,7 @@ impl ParticleSnapshot {
         }
     }
 
-    /// What no particle of a simulation is.
+    /// The first reason why it cannot be a particle of a simulation, if there is one.
     fn fault(&self, snapshot: &Snapshot, materials: &[Material]) -> Option<&'static str> {
         let edge = BLOCK_EDGE as f32;
         let is_near = |at: &f32| (-edge..2.0 * edge).contains(at);
@@ -197,10 +198,10 @@ impl ParticleSnapshot {
     }
 }
 
-/// Over what steps of a stable simulation reach.
+/// Bound on speeds: beyond those of a stable simulation.
 const SPEED_MAX_M_S: f32 = 1e4;
-/// As [`Simulation::add`] takes them.
+/// The range of volumes of [`Simulation::add`].
 const VOLUME_M3_MIN: f32 = 1e-18;
 const VOLUME_M3_MAX: f32 = 1e3;
-/// Of a deformation's entries: a thousand times the length.
+/// Bound on the entries of a deformation gradient: a stretch to a thousand times the length.
 const STRAIN_MAX: f32 = 1e3;

@@ -1,10 +1,10 @@
 //! Storage of particles and nodes in blocks of 4x4x4 cells.
 //!
-//! A particle's position is relative to its block and in cells, so that it is as exact a metre from
-//! the origin as at it. Particles are put in order by block, material and cell, and may then move by
-//! almost a cell before they must be put in order again: each block scatters into a tile of its own
-//! with a margin of one cell, and nodes add up the tiles around them in a fixed order. No thread
-//! writes what another one does, and no sum depends on the number of threads.
+//! A particle's position is relative to its block and in cells, so that its precision does not depend on
+//! the distance from the origin. Particles are sorted by block, material and cell, and may then move by
+//! almost a cell before they must be sorted again: each block scatters into a tile of its own with a margin
+//! of one cell, and nodes add up the tiles around them in a fixed order. No two threads write the same
+//! memory, and no sum depends on the number of threads.
 
 use std::collections::HashMap;
 
@@ -19,40 +19,42 @@ use crate::totals::Totals;
 /// Edge of a block, in cells.
 pub(crate) const BLOCK_EDGE: i32 = 4;
 
-/// Nodes of a block.
+/// Number of nodes of a block.
 pub(crate) const BLOCK_NODES: usize = 64;
 
-/// Edge of a tile, in nodes: a block, the two more nodes that a quadratic kernel needs, and a
-/// margin of one cell on each side.
+/// Edge of a tile, in nodes: a block, the two further nodes of the quadratic kernel, and a margin of one
+/// cell on each side.
 pub(crate) const TILE_EDGE: usize = 8;
 
-/// Nodes of a tile, and one past the last, which rows of three that are handled as four may touch
+/// Number of nodes of a tile, and one past the last: rows of three nodes are processed as four, the fourth
 /// with a weight of zero.
 pub(crate) const TILE_NODES: usize = TILE_EDGE * TILE_EDGE * TILE_EDGE + 1;
 
-/// Cells that a particle may move before it must be put in order again: less than the margin.
+/// Distance along an axis, in cells, that a particle may move before particles must be sorted again: less
+/// than the margin.
 pub(crate) const DRIFT_MAX: f32 = 0.98;
 
-/// Farthest block from the origin.
+/// Largest magnitude of a block's coordinate along an axis, in blocks.
 pub(crate) const BLOCK_COORDINATE_MAX: f64 = (1 << 24) as f64;
 
-/// Particles of a block of cells.
+/// The particles of a block of cells.
 #[derive(Clone)]
 pub(crate) struct ParticleBlock {
-    /// In blocks from the origin.
+    /// Offset from the origin, in blocks.
     pub(crate) coordinate: IVec3,
     pub(crate) packets: Vec<Packet>,
-    /// Momentum and mass of the nodes around, then their velocities.
+    /// Momentum and mass of the nodes around after the scatter, their velocities for the gather.
     pub(crate) tile: Box<[[f32; 4]; TILE_NODES]>,
-    /// Node blocks around in the order of [`neighbours`], [`ABSENT`] where no particle reaches.
+    /// Indices of the surrounding node blocks in the order of [`neighbours`], [`ABSENT`] where no particle
+    /// reaches.
     pub(crate) nodes: [u32; 27],
-    /// What of it touches balls.
+    /// Particles in contact with balls, scattered to the tile, one entry a ball.
     pub(crate) touches: Vec<crate::touch::Touch>,
-    /// Mean coefficient of friction by mass.
+    /// Mean coefficient of friction of its particles, weighted by mass.
     pub(crate) friction: f32,
     /// Largest component of a velocity, in m/s; NaN when one is not finite.
     pub(crate) speed_max: f32,
-    /// Fastest sound, in m/s.
+    /// Largest speed of sound of its particles, in m/s.
     pub(crate) sound_max: f32,
 }
 
@@ -70,52 +72,53 @@ impl ParticleBlock {
         }
     }
 
-    /// Its particles: a packet and a lane of it each.
+    /// Its particles, each as a packet and a lane.
     pub(crate) fn lanes(&self) -> impl Iterator<Item = (&Packet, usize)> {
         let packets = self.packets.iter();
         packets.flat_map(|packet| (0..packet.len).map(move |lane| (packet, lane)))
     }
 }
 
-/// Grid nodes of a block.
+/// The grid nodes of a block.
 #[derive(Clone)]
 pub(crate) struct NodeBlock {
-    /// In blocks from the origin.
+    /// Offset from the origin, in blocks.
     pub(crate) coordinate: IVec3,
-    /// Particle blocks around in the order of [`neighbours`], or [`ABSENT`].
+    /// Indices of the surrounding particle blocks in the order of [`neighbours`], or [`ABSENT`].
     pub(crate) sources: [u32; 27],
-    /// Momentum and mass, then velocity and 0.
+    /// Momentum and mass of each node; after the grid update velocity and 0.
     pub(crate) values: [[f32; 4]; BLOCK_NODES],
-    /// Nodes whose particles touch balls.
+    /// Contacts of its nodes with balls.
     pub(crate) contacts: Vec<crate::coupling::Contact>,
 }
 
-/// The index of a block that is not there.
+/// Index that stands for a missing block.
 pub(crate) const ABSENT: u32 = u32::MAX;
 
-/// Offsets of the 27 blocks around one, itself among them, in the order of their indices.
+/// Offsets from a block to itself and its 26 neighbours, in the order of their indices: the one at index
+/// `i` is opposite to that at `26 - i`.
 pub(crate) fn neighbours() -> impl Iterator<Item = IVec3> {
     (0..27).map(|index| IVec3::new(index / 9 - 1, index / 3 % 3 - 1, index % 3 - 1))
 }
 
-/// A particle as it is given and seen.
+/// State of a particle as a simulation's caller sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Particle {
-    /// Counted from 0 in the order in which particles were added.
+    /// Index in the order in which particles were added, from 0.
     pub id: u32,
-    /// In m.
+    /// Position, in m.
     pub position: Vec3,
-    /// In m/s.
+    /// Velocity, in m/s.
     pub velocity: Vec3,
-    /// In kg.
+    /// Mass, in kg.
     pub mass_kg: f32,
-    /// Of its material at rest, in m³.
+    /// Volume at rest, in m³.
     pub volume_m3: f32,
-    /// What it is made of, an index into [`crate::Simulation::materials`].
+    /// Index of its material in [`crate::Simulation::materials`].
     pub material: usize,
 }
 
-/// All of a particle. Its place is `local`, in cells from its block's first node less one half.
+/// Complete state of a particle. Its position is `local`, in cells from its block's first node less one half.
 pub(crate) struct ParticleState {
     pub(crate) particle: Particle,
     pub(crate) local: Vec3,
@@ -124,7 +127,7 @@ pub(crate) struct ParticleState {
     pub(crate) state: f32,
 }
 
-/// All particles and nodes.
+/// All particles and grid nodes of a simulation.
 #[derive(Clone)]
 pub(crate) struct Storage {
     pub(crate) cell_size_m: f32,
@@ -143,7 +146,11 @@ impl Storage {
         }
     }
 
-    /// The block of a place and the place relative to it.
+    /// The block that contains a position in m, and the position relative to it in cells.
+    ///
+    /// # Errors
+    ///
+    /// If the block's coordinate is over [`BLOCK_COORDINATE_MAX`].
     pub(crate) fn locate(&self, position: Vec3) -> Result<(IVec3, Vec3)> {
         let cells = position.as_dvec3() / f64::from(self.cell_size_m) - 0.5;
         let block = (cells / f64::from(BLOCK_EDGE)).floor();
@@ -156,7 +163,7 @@ impl Storage {
         Ok((block.as_ivec3(), local.as_vec3()))
     }
 
-    /// A place relative to a block, in m.
+    /// Position in m of a place that is relative to a block and in cells: the inverse of [`Self::locate`].
     pub(crate) fn position_m(&self, block: IVec3, local: [f32; 4]) -> DVec3 {
         let local = Vec3::from_slice(&local).as_dvec3();
         let cells = block.as_dvec3() * f64::from(BLOCK_EDGE) + local + 0.5;
@@ -178,7 +185,7 @@ impl Storage {
         totals
     }
 
-    /// Adds a particle at rest; [`Self::put_in_order`] must follow.
+    /// Adds an undeformed particle; [`Self::put_in_order`] must follow.
     pub(crate) fn add(&mut self, particle: &Particle, state: f32) -> Result<()> {
         let (coordinate, local) = self.locate(particle.position)?;
         self.add_state(
@@ -194,7 +201,7 @@ impl Storage {
         Ok(())
     }
 
-    /// Adds a particle of a block; [`Self::put_in_order`] must follow.
+    /// Adds a particle to the block at a coordinate; [`Self::put_in_order`] must follow.
     pub(crate) fn add_state(&mut self, coordinate: IVec3, added: &ParticleState) {
         let ParticleState {
             particle, state, ..
@@ -217,7 +224,7 @@ impl Storage {
         packet.id[lane] = particle.id;
     }
 
-    /// Every block, with its particles.
+    /// Every block's coordinate with the states of its particles.
     pub(crate) fn states(&self) -> impl Iterator<Item = (IVec3, Vec<ParticleState>)> + '_ {
         self.blocks.iter().map(|block| {
             let states = block.lanes().map(|(packet, lane)| ParticleState {
@@ -239,7 +246,7 @@ impl Storage {
         })
     }
 
-    /// Every particle, by block.
+    /// Every particle, in the order of blocks.
     pub(crate) fn particles(&self) -> impl Iterator<Item = Particle> + '_ {
         self.blocks.iter().flat_map(move |block| {
             let lanes = block.lanes();
@@ -273,19 +280,24 @@ impl Storage {
                         rest.push(packet, lane);
                     }
                 }
-                // Masses are summed over whole packets, unused lanes among them.
+                // `mean_friction` sums masses over whole packets, unused lanes included.
                 rest.mass[rest.len..].fill(0.0);
                 block.packets.push(rest);
             }
         }
     }
 
-    /// Puts particles in order by block, material and cell, and finds the nodes around them.
+    /// Sorts particles by block, material and cell, and rebuilds the node blocks around them.
+    ///
+    /// # Errors
+    ///
+    /// If a particle's block is over [`BLOCK_COORDINATE_MAX`]; particles then stay as they are.
     pub(crate) fn put_in_order(&mut self, materials: &[Material]) -> Result<()> {
         let (coordinates, mut slots) = self.slots()?;
-        // No two are equal, as each has a source of its own: the order does not depend on the number of
-        // threads.
+        // Keys are unique, as each slot has a source of its own: an unstable sort then gives one order,
+        // whatever the number of threads.
         slots.par_sort_unstable();
+        // Prefix sums of the particles of each block.
         let mut starts = vec![0; coordinates.len() + 1];
         for slot in &slots {
             starts[slot.block() + 1] += 1;
@@ -311,7 +323,8 @@ impl Storage {
         Ok(())
     }
 
-    /// Where each particle goes, and the blocks there will be, in the order of first use.
+    /// The coordinates of the new blocks, in the order in which particles first use them, and the slot of
+    /// each particle.
     fn slots(&mut self) -> Result<(Vec<IVec3>, Vec<Slot>)> {
         self.index.clear();
         let mut coordinates = Vec::new();
@@ -323,7 +336,8 @@ impl Storage {
                     let local = Vec3::from_slice(&packet.position[lane]);
                     let shift = (local / BLOCK_EDGE as f32).floor();
                     let coordinate = block.coordinate + shift.as_ivec3();
-                    // Particles are nearly in order, so that most ask for the block of the one before.
+                    // Particles are nearly sorted: most are in the block of the one before, which saves the
+                    // look-up.
                     if coordinate != last.0 {
                         if coordinate.as_dvec3().abs().max_element() > BLOCK_COORDINATE_MAX {
                             let place = self.position_m(block.coordinate, packet.position[lane]);
@@ -337,8 +351,8 @@ impl Storage {
                         last = (coordinate, index);
                     }
                     let cell = (local - shift * BLOCK_EDGE as f32).as_ivec3();
-                    // May round up to the block's end, beyond its last cell. Only the order follows from
-                    // it.
+                    // Rounding may give the block's end, one past its last cell; the clamp is harmless, as
+                    // the cell is used for sorting only.
                     let cell = (cell.x * 4 + cell.y) * 4 + cell.z;
                     slots.push(Slot {
                         key: u64::from(last.1) << 32
@@ -352,7 +366,7 @@ impl Storage {
         Ok((coordinates, slots))
     }
 
-    /// The nodes that the particles' tiles cover, and who is whose neighbour.
+    /// Rebuilds the node blocks that particles can reach, and the links between particle and node blocks.
     fn find_nodes(&mut self) {
         self.nodes.clear();
         let mut index: HashMap<IVec3, u32> = HashMap::new();
@@ -374,19 +388,19 @@ impl Storage {
                     (self.nodes.len() - 1) as u32
                 });
                 block.nodes[side] = node;
-                // Seen from there this block is on the opposite side.
+                // For the node block this block lies at the opposite offset.
                 self.nodes[node as usize].sources[26 - side] = block_index as u32;
             }
         }
     }
 }
 
-/// A particle's place in the new order, and where it was.
+/// Sort key of a particle and its source.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Slot {
-    /// Block, material and cell.
+    /// Index of the new block (32 bits), material (16 bits) and cell (16 bits).
     key: u64,
-    /// Old block, packet and lane.
+    /// Indices of the old block, packet and lane.
     source: (u32, u32, u32),
 }
 
@@ -405,15 +419,15 @@ impl Slot {
         let shift = (block.coordinate - from_block.coordinate) * BLOCK_EDGE;
         let local = &mut packet.position[packet.len - 1];
         for (axis, shift) in shift.to_array().into_iter().enumerate() {
-            // Rounding up to the far side would be outside of the block.
+            // The subtraction may round up to the edge, which is outside the block.
             let below_end = (BLOCK_EDGE as f32).next_down();
             local[axis] = (local[axis] - shift as f32).clamp(0.0, below_end);
         }
     }
 }
 
-/// The least and the greatest offset of a block whose nodes particles may touch until they are put
-/// in order again. A lone particle reaches 8 of the 27 blocks around it, by the mean.
+/// The least and the greatest offset of the node blocks that a block's particles can reach until they are
+/// sorted again. A lone particle reaches 8 of the 27 blocks on average.
 fn reach(packets: &[Packet]) -> [IVec3; 2] {
     let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for packet in packets {
@@ -422,14 +436,14 @@ fn reach(packets: &[Packet]) -> [IVec3; 2] {
             max = max.max(Vec3::from_slice(position));
         }
     }
-    // The first of a particle's three nodes is that below it.
+    // The first of a particle's three nodes is at the floor of its position, the last two nodes further.
     let low = min - DRIFT_MAX;
     let high = max + DRIFT_MAX + 2.0;
     let edge = BLOCK_EDGE as f32;
     [low, high].map(|end| (end / edge).floor().as_ivec3())
 }
 
-/// Coefficient of friction of particles, by mass.
+/// Mean coefficient of friction of particles, weighted by mass; 0 for none.
 fn mean_friction(packets: &[Packet], materials: &[Material]) -> f32 {
     let (mut mass, mut friction) = (0.0, 0.0);
     for packet in packets {

@@ -1,42 +1,44 @@
-//! Singular values and left singular vectors of 3x3 matrices, a matrix a lane.
+//! Singular values and left singular vectors of 3x3 matrices, one matrix a SIMD lane.
 //!
-//! One-sided Jacobi (Hestenes 1958; Demmel and Veselić 1992 on its accuracy for small singular
-//! values) makes the columns of F·V orthogonal.
+//! One-sided Jacobi rotations (Hestenes 1958; Demmel and Veselić 1992 on the accuracy of small singular
+//! values) orthogonalise the columns of F·V.
 
 use fearless_simd::prelude::*;
 
 use crate::lanes::{Lanes, Mat3x, dot, each};
 
-/// Principal directions and stretches of a deformation `F = U · diag(sigma) · Vᵀ`, on which alone
-/// the stress of isotropic materials depends.
+/// Principal directions and stretches of a deformation `F = U · diag(sigma) · Vᵀ`; the stress of isotropic
+/// materials depends on these alone.
 ///
-/// V is left out: F·V has the stress of F. Stored in its place, its columns are nearly orthogonal
-/// after the next substep's strain, too, and one or two sweeps do.
+/// V is not computed: F·V has the same stress as F and is stored in its place. Its columns are orthogonal,
+/// and still nearly so after the strain of the next substep, so that one or two sweeps suffice then.
 pub(crate) struct Stretches<S: Simd> {
     /// `F · V`, which is `U · diag(sigma)`.
     pub(crate) deformation: Mat3x<S>,
-    /// Orthonormal columns, in no order; a reflection if F is one.
+    /// Left singular vectors as orthonormal columns, in no particular order; of determinant -1 if that of F
+    /// is negative.
     pub(crate) u: Mat3x<S>,
-    /// At least 0.
+    /// Singular values, at least 0, in the order of the columns of `u`.
     pub(crate) sigma: [Lanes<S>; 3],
 }
 
-/// Cyclic sweeps of Jacobi's method: it converges quadratically, and the sixth is below the
-/// rounding of f32 for every matrix of the tests.
+/// Largest number of cyclic Jacobi sweeps: convergence is quadratic, and the sixth changes less than the
+/// rounding of `f32` for every matrix of the tests.
 const SWEEPS_MAX: usize = 6;
 
-/// Cosine of the angle of two columns below which the sweep that rotates them is the last: what it
-/// leaves is of the order of the square.
+/// Cosine of the angle between two columns below which the sweep that rotates them is the last: the cosine
+/// after it is of the order of its square.
 const COSINE_LAST: f32 = 1e-4;
 
-/// Stretches that are smaller have no direction.
+/// Stretch below which a column is too short to give a direction.
 const SIGMA_MIN: f32 = 1e-18;
 
 impl<S: Simd> Stretches<S> {
-    /// Of a deformation. Directions are the axes where F is flat.
+    /// Decomposes deformations. `u` is the identity in lanes where F is singular.
     #[inline(always)]
     pub(crate) fn new(simd: S, f: &Mat3x<S>) -> Self {
         let mut b = *f;
+        // All lanes sweep until the last has converged; rotations of converged ones are near the identity.
         for _ in 0..SWEEPS_MAX {
             let mut is_last = true;
             for (p, q) in [(0, 1), (0, 2), (1, 2)] {
@@ -69,8 +71,8 @@ impl<S: Simd> Stretches<S> {
         }
     }
 
-    /// The stretches, of which the least is negative where F turns inside out. The columns of U
-    /// stay as they are: their signs cancel in stress.
+    /// The stretches, the least of them negated where F is inverted (determinant below 0). The columns of
+    /// `u` are not negated: their signs cancel in the stress `U · diag · Uᵀ`.
     #[inline(always)]
     pub(crate) fn signed_sigma(&self) -> [Lanes<S>; 3] {
         let [a, b, c] = self.sigma;
@@ -85,12 +87,12 @@ impl<S: Simd> Stretches<S> {
     }
 }
 
-/// One rotation that makes the columns p and q of `b` orthogonal, and whether they were nearly:
-/// Golub and Van Loan, "Matrix Computations", section 8.6.3.
+/// Applies the rotation that makes the columns p and q of `b` orthogonal, and returns whether they nearly
+/// were in all lanes: Golub and Van Loan, "Matrix Computations", section 8.6.3.
 ///
-/// The tangent of half the angle keeps lengths under small rotations: a cosine of 1 − θ²/2 would be
-/// rounded to 1, and columns would grow substep by substep (Rutishauser, "The Jacobi Method for Real
-/// Symmetric Matrices", Numerische Mathematik 9, 1966).
+/// The form with the tangent of half the angle preserves lengths under small rotations: a cosine of 1 −
+/// θ²/2 would be rounded to 1, and columns would grow substep by substep (Rutishauser, "The Jacobi Method
+/// for Real Symmetric Matrices", Numerische Mathematik 9, 1966).
 #[inline(always)]
 fn jacobi<S: Simd>(simd: S, b: &mut Mat3x<S>, p: usize, q: usize) -> bool {
     let (x, y) = (b.column(p), b.column(q));
@@ -100,8 +102,8 @@ fn jacobi<S: Simd>(simd: S, b: &mut Mat3x<S>, p: usize, q: usize) -> bool {
     let twice = xy * 2.0;
     let difference = yy - xx;
     let root = difference.mul_add(difference, twice * twice).sqrt();
-    // The smaller of both roots, a turn by 45° at most, with which the method converges. Columns of 0
-    // give 0, not NaN.
+    // tan θ is the smaller root of t² + 2 t (yy − xx)/(2 xy) − 1 = 0: |θ| ≤ 45°, which convergence requires.
+    // MIN_POSITIVE makes it 0, not NaN, for columns of 0.
     let tangent = twice / (difference.abs() + root + f32::MIN_POSITIVE);
     let tangent = difference.simd_lt(0.0).select(-tangent, tangent);
     let one = Lanes::splat(simd, 1.0);

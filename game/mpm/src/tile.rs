@@ -2,8 +2,9 @@
 
 use crate::storage::{BLOCK_EDGE, TILE_EDGE};
 
-/// Calls a function with each row along z of a node block that the tile of the particle block on a
-/// side of it covers: the row's first node in the block and in the tile, and its length. Sides are counted as by [`crate::storage::neighbours`].
+/// Calls a function for each row along z of a node block that is covered by the tile of a neighbouring
+/// particle block, with the index of the row's first node in the block, that in the tile, and the row's
+/// length. `side` is the neighbour's index in the order of [`crate::storage::neighbours`].
 #[inline(always)]
 pub(crate) fn for_each_row(side: usize, mut call: impl FnMut(usize, usize, usize)) {
     let [x, y, z] = [side / 9, side / 3 % 3, side % 3].map(overlap);
@@ -16,11 +17,11 @@ pub(crate) fn for_each_row(side: usize, mut call: impl FnMut(usize, usize, usize
     }
 }
 
-/// Nodes of a block along one axis that a tile covers.
+/// The nodes of a block along one axis that a tile covers: `first..end`.
 struct Overlap {
     first: usize,
     end: usize,
-    /// The first one's index in the tile.
+    /// Index in the tile of the first one.
     tile_first: usize,
 }
 
@@ -31,8 +32,9 @@ impl Overlap {
     }
 }
 
-/// Of a particle block that is a block behind (0), at the same place (1) or a block ahead (2). Its
-/// tile begins one node before it.
+/// Overlap with the tile of a particle block that is one block lower (0), at the same coordinate (1) or one
+/// block higher (2) along an axis. A tile begins one node before its block and ends three nodes past its
+/// last.
 #[inline(always)]
 fn overlap(side: usize) -> Overlap {
     let (first, end, tile_first) = match side {

@@ -1,23 +1,23 @@
-//! Totals: mass, momenta and energy of all particles.
+//! Total mass, momenta and energy of all particles.
 
 use glam::{DVec3, Vec3};
 
-/// Sums over all particles.
+/// Conserved quantities, summed over all particles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Totals {
-    /// In kg.
+    /// Mass, in kg.
     pub mass_kg: f64,
-    /// In kg·m/s.
+    /// Momentum, in kg·m/s.
     pub momentum: DVec3,
-    /// About the origin, with the particles' affine motion, in kg·m²/s.
+    /// Angular momentum about the origin, with that of the particles' affine motion, in kg·m²/s.
     pub angular_momentum: DVec3,
-    /// With the particles' affine motion, in J.
+    /// Kinetic energy, with that of the particles' affine motion, in J.
     pub kinetic_energy_j: f64,
 }
 
 impl Totals {
-    /// Adds a particle. Its affine motion counts as that of mass spread by the kernel, whose second
-    /// moment is a quarter of a cell's edge squared: Jiang et al. 2015, section 5.3.
+    /// Adds a particle. Its affine motion, columns in m/s a cell, counts as that of mass distributed by the
+    /// kernel, whose second moment is a quarter of a cell's edge squared: Jiang et al. 2015, section 5.3.
     pub(crate) fn add(
         &mut self,
         mass_kg: f32,

@@ -1,8 +1,10 @@
-//! Touch: particles that reach a ball, as wide as the cube of their volume, and the nodes on which they push.
+//! Contact detection between particles and balls: a particle extends by half the edge of a cube of its
+//! volume, and those that reach a ball mark the nodes on which they act.
 //!
-//! Nodes that are near a ball but have nothing that touches it stay free, so that what rests on a ball or carries it
-//! has no gap to it however wide cells are, and what a ball displaces is its own volume (after Bardenhagen et al. 2001,
-//! "An improved contact algorithm for the material point method", with extents of particles as the criterion of contact).
+//! Nodes near a ball without a touching particle stay free. So material that rests on a ball or carries it
+//! has no gap to it, however wide cells are, and a ball displaces its own volume (after Bardenhagen et al.
+//! 2001, "An improved contact algorithm for the material point method", with the particles' extents as
+//! contact criterion).
 
 use glam::{DVec3, Vec3};
 
@@ -12,31 +14,35 @@ use crate::packet::Packet;
 use crate::storage::{BLOCK_EDGE, BLOCK_NODES, NodeBlock, ParticleBlock, TILE_NODES};
 use crate::tile::for_each_row;
 
-/// What of a block touches a ball.
+/// Particles of a block that touch a ball, scattered to the nodes of its tile.
 #[derive(Clone)]
 pub(crate) struct Touch {
+    /// Index of the ball.
     pub(crate) ball: usize,
-    /// Of each node of the tile: sums over particles that touch of `w m n`, with n away from the ball, and of `w m d`
-    /// with the depth d of overlap in cells.
+    /// For each node of the tile the sums over touching particles of `w m n`, with n the unit normal away
+    /// from the ball, and of `w m d`, with d the depth of overlap in cells.
     tile: Box<[[f32; 4]; TILE_NODES]>,
 }
 
-/// Share of a node's mass that must touch a ball.
+/// Share of a node's mass that must touch a ball for the node to be in contact with it.
 pub(crate) const SHARE_MIN: f32 = 0.05;
 
-/// Share of an overlap by which a ball and what touches it part in a substep: what was laid inside of a ball leaves it.
+/// Share of an overlap by which a ball and touching particles separate in a substep, so that particles placed
+/// inside a ball leave it.
 pub(crate) const PARTING: f32 = 0.02;
 
-/// At most, in m/s: slower than what counts as calm, so that what cannot part comes to rest.
+/// Largest speed of that separation, in m/s: so slow that particles and balls that cannot separate come to
+/// rest.
 pub(crate) const PARTING_MAX_M_S: f32 = 0.004;
 
-/// A gap of this many cells touches, too: what has just parted is still held, and neither chatters nor creeps.
+/// Gap that still counts as contact, in cells: contacts that have just separated neither chatter nor creep.
 pub(crate) const MARGIN_CELLS: f32 = 0.01;
 
-/// From a block's middle to the farthest particle of it, in cells: half of its diagonal and a cell of drift.
+/// Largest distance of a particle from its block's centre, in cells: half of the diagonal after a drift of
+/// a cell on each side, 3·√3, rounded up.
 const BLOCK_REACH_CELLS: f64 = 5.2;
 
-/// Finds what touches balls, of particles that have moved.
+/// Finds the particles of a block that touch balls, after they have moved in `p2g`.
 pub(crate) fn find_touches(block: &mut ParticleBlock, balls: &[Ball], substep: Substep) {
     block.touches.clear();
     let cell_size_m = f64::from(substep.cell_size_m);
@@ -72,21 +78,24 @@ pub(crate) fn find_touches(block: &mut ParticleBlock, balls: &[Ball], substep: S
 
 /// A ball in the coordinates of a block's particles.
 struct LocalBall {
-    /// In cells from the block's first node, less one half.
+    /// Centre in cells from the block's first node, less one half.
     center: Vec3,
-    /// In cells.
+    /// Radius, in cells.
     radius: f32,
-    /// In m/s.
+    /// Velocity of the centre, in m/s.
     velocity: Vec3,
 }
 
 impl LocalBall {
-    /// The direction to a particle that reaches the ball, or will after the substep at its present velocity, and how
-    /// deep it is inside, in cells.
+    /// The unit normal towards a particle that touches the ball, or will at the end of the substep at its
+    /// present velocity, and the depth of overlap in cells, 0 or more.
     #[inline]
     fn touched_by(&self, packet: &Packet, lane: usize, substep: Substep) -> Option<(Vec3, f32)> {
         let arm = Vec3::from_slice(&packet.position[lane]) - self.center;
         let distance_squared = arm.length_squared();
+        // A particle extends by half a cell at most and approaches by less than 1.4 cells a substep, half a
+        // cell for each component of its velocity and for the ball: beyond this none touches, and the root
+        // is saved.
         let far = self.radius + 2.0;
         if distance_squared > far * far {
             return None;
@@ -106,10 +115,12 @@ impl LocalBall {
     }
 }
 
-/// Within 1e-6, with the same bits on every machine; the argument is that of a particle's volume over a cell's, up to 1.
+/// Cube root within 1e-6 and with the same bits on every machine, unlike the standard library's. The
+/// argument, a particle's volume over a cell's, is clamped to 1e-9..=1.
 fn cube_root(value: f32) -> f32 {
     let value = value.clamp(1e-9, 1.0);
-    // A third of the exponent (Kahan), then Newton's method.
+    // Kahan's initial value: a third of the bits divides the exponent by 3, the constant restores its bias
+    // and spreads the error of the mantissa. Three Newton iterations follow.
     let mut root = f32::from_bits(value.to_bits() / 3 + 0x2a51_19f2);
     for _ in 0..3 {
         root -= (root - value / (root * root)) / 3.0;
@@ -138,25 +149,27 @@ fn scatter(position: Vec3, load: [f32; 4], tile: &mut [[f32; 4]; TILE_NODES]) {
     }
 }
 
-/// The touched nodes of a block with a ball.
+/// Sums of [`Touch`] for a ball at the nodes of a block.
 pub(crate) struct NodeTouch {
     pub(crate) ball: usize,
     sums: [[f32; 4]; BLOCK_NODES],
 }
 
 impl NodeTouch {
-    /// The direction away from the ball at a node of a mass, and how deep what touches is inside in cells, if enough of
-    /// it touches.
+    /// The mean unit normal away from the ball and the mean depth of overlap in cells at a node of a mass
+    /// in kg; none if less than [`SHARE_MIN`] of that mass touches.
     pub(crate) fn at(&self, node: usize, mass: f32) -> Option<(DVec3, f32)> {
         let [x, y, z, depth] = self.sums[node];
         let normal = Vec3::new(x, y, z).as_dvec3();
+        // The length of the sum is the touching mass, less where normals differ, as between opposite sides
+        // of a ball.
         let touching = normal.length();
         let is_enough = touching > f64::from(SHARE_MIN * mass);
         is_enough.then(|| (normal / touching, depth / touching as f32))
     }
 }
 
-/// Sums over the tiles around a node block, a ball each.
+/// Sums the tiles around a node block, for each ball that particles touch.
 pub(crate) fn add_touches(node: &NodeBlock, blocks: &[ParticleBlock]) -> Vec<NodeTouch> {
     let mut found: Vec<NodeTouch> = Vec::new();
     for (side, source) in node.sources.iter().enumerate() {

@@ -136,7 +136,7 @@ fn a_million_particles_are_simulated() {
     let after = simulation.totals();
     assert!(report.substeps >= 2, "{report:?}");
     assert_eq!(after.mass_kg, before.mass_kg);
-    // Free fall, but for what the floor and its sound have reached.
+    // Free fall, except for the part that the pressure wave from the floor has reached.
     let fallen = after.momentum.z / after.mass_kg;
     assert!((-9.9e-3..-9e-3).contains(&fallen), "{fallen} m/s");
 }

@@ -1,4 +1,4 @@
-//! The shell around the game, without a window: settings, keys, pages, sentences, sound.
+//! The shell around the game, independent of the window: settings, keys, pages, messages, sound.
 //!
 //! ```text
 //! Event ─▶ AppShell ─▶ page open? ─▶ menu
@@ -27,7 +27,7 @@ use crate::ui::lessons::Lesson;
 use crate::ui::menu::{self, Menu, MenuInput, Page};
 use crate::ui::{cue_panel, help, match_hud};
 
-/// The player's side of the program.
+/// State of the interface around the session.
 #[derive(Debug)]
 pub struct AppShell {
     store: SettingsStore,
@@ -40,20 +40,20 @@ pub struct AppShell {
     toasts: Toasts,
     notifier: FarmNotifier,
     playback: Playback,
-    /// The shot that is heard, and whether it was over when it was last looked at.
+    /// Number of the shot whose sound plays, and whether it was over at the last update.
     heard: Option<(u64, bool)>,
-    /// Whether the result of a match was shown.
+    /// Whether the result of the match has been shown.
     has_result: bool,
-    /// Whether the cue points as the computer suggested.
+    /// Whether the player asked for a suggestion since the last stroke.
     is_suggested: bool,
-    /// Whether a list was open over a page when it was last drawn: keys are for it.
+    /// Whether a popup list was open when the interface was last drawn; it then receives the keys.
     has_open_list: bool,
-    /// Until when the sticks of a gamepad have had their effect.
+    /// Time up to which the gamepad's sticks have been applied.
     steered_secs: f64,
 }
 
 impl AppShell {
-    /// With the player's settings; sound goes to `playback`.
+    /// A shell with the player's settings and an output for sound.
     pub fn new(store: SettingsStore, playback: Playback) -> Self {
         let mut toasts = Toasts::default();
         for warning in store.warnings() {
@@ -78,29 +78,29 @@ impl AppShell {
         }
     }
 
-    /// Asks a newcomer what to begin with.
+    /// Opens the welcome page for a new player.
     pub fn welcome(&mut self) {
         if self.store.settings.lesson == Lesson::default() {
             self.menu.open(Page::Welcome);
         }
     }
 
-    /// Tells the player something.
+    /// Shows a message to the player.
     pub fn notify(&mut self, sentence: String, now_secs: f64) {
         self.toasts.push(sentence, now_secs);
     }
 
-    /// The settings that count now.
+    /// The present settings.
     pub fn settings(&self) -> &Settings {
         &self.store.settings
     }
 
-    /// Changes settings that have no page, such as the window's size.
+    /// The present settings, mutable, for those without a page such as the window's size.
     pub fn settings_mut(&mut self) -> &mut Settings {
         &mut self.store.settings
     }
 
-    /// Keeps the settings; what hinders is told.
+    /// Saves the settings; an error is shown as a message.
     pub fn save(&mut self, now_secs: f64) {
         if let Err(why) = self.store.save() {
             tracing::error!("{why}");
@@ -113,7 +113,7 @@ impl AppShell {
         self.menu.page()
     }
 
-    /// Does what an event means, to the pages or to the game. `taken` says that egui has used it.
+    /// Handles an event by the open page or the game. `taken` says whether egui has consumed it.
     pub fn handle(&mut self, event: Event, taken: bool, session: &mut GameSession, now_secs: f64) {
         self.input.set_carrying(session.is_placing());
         self.input.set_mode(match session.is_replay() {
@@ -127,7 +127,7 @@ impl AppShell {
             self.handle_page(event, session, now_secs);
             return;
         }
-        // What comes up must be seen even where egui has used it, or it would be held for ever.
+        // Releases are handled even if egui has consumed them, or a control would be held for ever.
         let begins = event.trigger().is_some();
         if taken && begins {
             return;
@@ -153,8 +153,8 @@ impl AppShell {
         }
     }
 
-    /// The key of the keyboard that a gamepad's control means on an open page: the cross and the left stick go from one
-    /// control of the page to the next, A presses it, B closes a list that is open over the page.
+    /// The keyboard key that a gamepad's control stands for on an open page: the directional pad and the
+    /// left stick move the focus, A activates the focused control, B closes an open list.
     pub fn page_key(&self, event: Event) -> Option<(Key, Modifiers)> {
         let Some(Trigger::Gamepad(control)) = event.trigger() else {
             return None;
@@ -205,7 +205,7 @@ impl AppShell {
         }
     }
 
-    /// Routes what the player wants to its receiver.
+    /// Routes an intent to its receiver.
     fn act(&mut self, intent: Intent, session: &mut GameSession, now_secs: f64) {
         session.redraw();
         self.teach(intent, session, now_secs);
@@ -221,7 +221,7 @@ impl AppShell {
         }
     }
 
-    /// Goes on to the next lesson once one is done.
+    /// Advances to the next lesson once the present one is done.
     fn teach(&mut self, intent: Intent, session: &mut GameSession, now_secs: f64) {
         if !session.match_hud().may_play {
             return;
@@ -262,7 +262,7 @@ impl AppShell {
             AppIntent::TakeScreenshot => session.take_screenshot(now_secs),
             AppIntent::Escape if self.help => self.help = false,
             AppIntent::Escape => {
-                // Where there is nothing to give up, the menu opens.
+                // If there is nothing to cancel or close, the menu opens.
                 if !session.escape() {
                     self.open(Page::Top, session, now_secs);
                 }
@@ -295,7 +295,7 @@ impl AppShell {
         }
     }
 
-    /// Opens a page over the table; a stroke is given up.
+    /// Opens a page over the table, and cancels a stroke in progress.
     pub fn open(&mut self, page: Page, session: &mut GameSession, now_secs: f64) {
         if let Some(intent) = self.input.let_go() {
             self.act(intent, session, now_secs);
@@ -304,7 +304,7 @@ impl AppShell {
         session.redraw();
     }
 
-    /// Draws the game, and pages, keys and sentences over it.
+    /// Draws the game's interface, and over it pages, help and messages.
     pub fn draw(&mut self, ctx: &Context, session: &mut GameSession, now_secs: f64, display: &str) {
         let mut layout = session.draw(ctx, self.input.bindings(), now_secs, display);
         self.has_open_list = Popup::is_any_open(ctx);
@@ -364,13 +364,13 @@ impl AppShell {
         }
     }
 
-    /// Whether the player wants to end the program.
+    /// Whether the player has chosen to quit.
     pub fn wants_quit(&self) -> bool {
         self.wants_quit
     }
 
-    /// The match and the cue, through the whole of a stroke. Over a shot of before, or a table that is being laid, nothing of the game
-    /// can be decided.
+    /// Draws the panels of match and cue, also during a stroke. Called in game mode only: in a replay or
+    /// practice the game cannot be controlled.
     fn draw_game(
         &mut self,
         ctx: &Context,
@@ -390,20 +390,21 @@ impl AppShell {
         }
     }
 
-    /// What a newcomer is to do, while it can be done.
+    /// The present lesson's instruction, while it can be followed.
     fn lesson(&self, session: &mut GameSession) -> Option<String> {
         let may_play = session.is_game() && session.match_hud().may_play && !session.is_placing();
         let lesson = self.store.settings.lesson;
         lesson.sentence(self.input.bindings()).filter(|_| may_play)
     }
 
-    /// Lets time pass: tells what is new of the farm, plays what is to be heard, follows the keys.
+    /// Advances to `now_secs`: applies changed bindings, moves by held controls, shows news of farm and
+    /// session, plays sound.
     pub fn tick(&mut self, session: &mut GameSession, now_secs: f64) {
         if *self.input.bindings() != self.store.settings.bindings {
             self.input = Input::new(self.store.settings.bindings.clone());
         }
         self.input.set_mouse(self.store.settings.mouse);
-        // Under the result card the camera goes on to the whole table.
+        // Under the result page time goes on, as the camera still moves to the whole table.
         let pauses = self.menu.page().is_some_and(|page| page != Page::Result);
         session.set_paused(pauses, now_secs);
         self.steer(session, now_secs);
@@ -435,12 +436,12 @@ impl AppShell {
         self.update_sound(session, now_secs);
     }
 
-    /// When something changes without input or farm.
+    /// Time of the next change without input or farm.
     pub fn next_secs(&self) -> Option<f64> {
         self.toasts.next_secs()
     }
 
-    /// Does what the sticks of a gamepad mean for the time since the last frame.
+    /// Applies held gamepad controls over the time since the last frame.
     fn steer(&mut self, session: &mut GameSession, now_secs: f64) {
         let secs = now_secs - self.steered_secs;
         self.steered_secs = now_secs;
@@ -454,7 +455,7 @@ impl AppShell {
 
     fn update_sound(&mut self, session: &GameSession, now_secs: f64) {
         let Some(clock) = session.shot_clock(now_secs) else {
-            // The balls were racked under a shot that was on.
+            // The shot was cut off, as by a new rack: its sound stops. One that was over fades on its own.
             if self.heard.take_if(|heard| !heard.1).is_some() {
                 self.playback.stop();
             }
@@ -463,6 +464,7 @@ impl AppShell {
         let is_new = self.heard.is_none_or(|heard| heard.0 != clock.number);
         self.heard = Some((clock.number, clock.now_secs > clock.end_secs - OVER_SECS));
         if let (true, Some(shot)) = (is_new, session.shot()) {
+            // System time of the contact of tip and ball, at which the sound begins.
             let ahead = Duration::from_secs_f64((-clock.now_secs).max(0.0));
             let behind = Duration::from_secs_f64(clock.now_secs.max(0.0));
             let now = Instant::now();
@@ -474,7 +476,7 @@ impl AppShell {
     }
 }
 
-/// Another rack for each game; for the daily shot the day, counted from 1 January 1970, UTC.
+/// Seed of a game's rack: the time, or for the daily shot the number of days since 1 January 1970, UTC.
 fn seed_of_clock(rules: RuleSet) -> u32 {
     let now = std::time::UNIX_EPOCH.elapsed().unwrap_or_default();
     match rules {
@@ -485,5 +487,5 @@ fn seed_of_clock(rules: RuleSet) -> u32 {
 
 const DAY_SECS: u64 = 24 * 60 * 60;
 
-/// So shortly before its end a shot may be over without having been cut off.
+/// Time before a shot's end from which it counts as over rather than cut off, in seconds.
 const OVER_SECS: f64 = 0.3;

@@ -1,25 +1,25 @@
-//! Autosave of the match: after every action, in one file.
+//! Autosave of the match to a file after every action.
 
 use std::path::PathBuf;
 
 use carom_billiards::game_match::{Match, MatchSave};
 
-/// A match's file, and how much of the match is in it.
+/// File of the match, and the saved part.
 #[derive(Debug, Default)]
 pub(super) struct Autosave {
     path: Option<PathBuf>,
-    /// Actions of the match in the file.
+    /// Number of the match's actions in the file; none if it holds another match.
     saved: Option<usize>,
 }
 
 impl Autosave {
-    /// Saves from now on, to `path`, in which `contest` is already.
+    /// Enables saving to `path`, which already holds `contest`.
     pub(super) fn begin(&mut self, path: PathBuf, contest: &Match) {
         self.path = Some(path);
         self.saved = Some(contest.action_count());
     }
 
-    /// Saves at the next update, whatever the file holds.
+    /// Forces a save at the next update.
     pub(super) fn invalidate(&mut self) {
         self.saved = None;
     }

@@ -1,4 +1,4 @@
-//! The event loop of the window, and the start of a game in it.
+//! Event loop of the window, and the start of a game in it.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -35,10 +35,11 @@ use crate::play;
 use crate::scene::table_scene::TableScene;
 use crate::settings::{Settings, SettingsStore, set_aside};
 
-/// Plays in a window until it is closed.
+/// Runs the game in a window until it is closed.
 ///
 /// # Errors
-/// What was tried and what to install, if no window can be opened or drawn on.
+/// If arguments, files or the scene are invalid, or no window can be opened or drawn to; the message then
+/// says what to install.
 pub fn run(args: &Args, mut config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {
     let event_loop = open_event_loop::<()>(HEADLESS_COMMAND)?;
     let (_, recording) = args.table_and_recording()?;
@@ -100,7 +101,7 @@ pub fn run(args: &Args, mut config: FarmConfig, present: Option<Present>) -> any
     app.failure.map_or(Ok(()), Err)
 }
 
-/// The match that was left the last time.
+/// The unfinished match of the last run; an unreadable file is moved aside.
 fn left(path: Option<&Path>, notes: &mut Vec<String>) -> Option<Match> {
     let kept = path.map_or(Ok(None), MatchSave::load);
     let played = kept.and_then(|record| record.map(|record| record.play()).transpose());
@@ -117,8 +118,8 @@ fn left(path: Option<&Path>, notes: &mut Vec<String>) -> Option<Match> {
     }
 }
 
-/// The match that is asked for, in place of one that was left unfinished, whose file is kept; without one,
-/// the match that was left.
+/// The requested match, or without one the unfinished match of the last run. The file of an unfinished
+/// match that is replaced is kept under another name.
 fn begun(
     asked: Option<Match>,
     path: Option<&Path>,
@@ -144,7 +145,7 @@ fn begun(
     Ok(asked.or(left))
 }
 
-/// The player's settings; options of the command line win for as long as it runs.
+/// The player's settings, overridden for this run by options of the command line.
 fn store(args: &Args) -> SettingsStore {
     let mut store = match &args.settings {
         Some(path) => SettingsStore::open(path.clone()),
@@ -165,26 +166,26 @@ pub(super) struct App {
     pub(super) gamepads: Gamepads,
     pub(super) session: GameSession,
     pub(super) shell: AppShell,
-    /// The settings that window and session follow already.
+    /// The settings that have been applied to window and session.
     applied: Settings,
     size: Option<ImageSize>,
     present: Option<Present>,
     pub(super) screen: Option<Screen>,
-    /// What has happened at the window since the last frame.
+    /// Events since the last frame.
     pub(super) events: Vec<QueuedEvent>,
-    /// Where the pointer was last, points.
+    /// Last position of the pointer, in points.
     pointer: egui::Pos2,
     pub(super) begun: Instant,
     pub(super) next_redraw: Instant,
     failure: Option<anyhow::Error>,
 }
 
-/// What a frame is run for.
+/// Cause of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum FrameCause {
-    /// Events, finished frames of the farm, the passing of time.
+    /// Events, or the timer for polling the farm and advancing time.
     Poll,
-    /// The window is to be drawn.
+    /// The window has to be drawn.
     Redraw,
 }
 
@@ -192,9 +193,9 @@ pub(super) enum FrameCause {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct QueuedEvent {
     pub(super) event: Event,
-    /// Whether the interface has used it.
+    /// Whether the interface has consumed it.
     pub(super) is_taken: bool,
-    /// When it happened: the speed of a swing depends on it.
+    /// Time at which it happened, on which the speed of a swing depends.
     pub(super) at_secs: f64,
 }
 
@@ -273,7 +274,7 @@ impl App {
         Ok(screen)
     }
 
-    /// Does what changed settings mean for window and session.
+    /// Applies changed settings to window and session.
     pub(super) fn apply_settings(&mut self, event_loop: &ActiveEventLoop) {
         if *self.shell.settings() == self.applied {
             return;
@@ -296,7 +297,7 @@ impl App {
         self.resized();
     }
 
-    /// Remembers the window for the next time.
+    /// Saves the window's size in the settings.
     fn leave(&mut self) {
         if let Some(screen) = &self.screen
             && screen.window.fullscreen().is_none()
@@ -328,8 +329,8 @@ impl App {
         self.screen = Some(screen);
     }
 
-    /// Goes on without a GPU after a display that can show nothing any more, unless the player has
-    /// asked for it.
+    /// Replaces a display that has failed by the software one, unless it is that already or the player has
+    /// chosen the display explicitly.
     pub(super) fn replace_display(&mut self, event_loop: &ActiveEventLoop, why: &str) {
         let Some(screen) = &self.screen else {
             return;
@@ -356,7 +357,7 @@ fn fullscreen(wanted: bool) -> Option<Fullscreen> {
     wanted.then_some(Fullscreen::Borderless(None))
 }
 
-/// Beside the settings.
+/// Name of the match's file, beside the settings.
 const MATCH_FILE: &str = "match.carom";
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The frame: everything between two looks at the window's events, as a list of steps.
+//! The frame function: the steps between two polls of the window's events.
 
 use std::time::{Duration, Instant};
 
@@ -83,7 +83,7 @@ impl App {
         }
     }
 
-    /// Asks for the next redraw if there is anything new, and for the next look at the farm.
+    /// Requests a redraw if something has changed, and schedules the next poll of the farm.
     fn schedule_next(&mut self, event_loop: &ActiveEventLoop, now_secs: f64) {
         if self.shell.wants_quit() {
             event_loop.exit();
@@ -106,9 +106,9 @@ impl App {
     }
 }
 
-/// At most this often a frame is drawn; the display may allow fewer.
+/// Least time between two redraws; the display may need more.
 const REDRAW_PERIOD: Duration = Duration::from_millis(8);
-/// How often the farm is polled for finished frames.
+/// Interval at which the farm is polled for finished frames.
 const POLL_PERIOD: Duration = Duration::from_millis(3);
-/// How often the farm is polled while nothing moves.
+/// Interval at which the farm is polled while nothing moves.
 const REST_PERIOD: Duration = Duration::from_secs(1);

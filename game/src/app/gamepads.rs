@@ -1,4 +1,4 @@
-//! Gamepads of this machine: a thread that reads them, as events of the game.
+//! Gamepads: a thread that reads them and translates their events to the game's.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
@@ -9,22 +9,22 @@ use winit::event_loop::EventLoopProxy;
 
 use crate::input::{Event, GamepadControl, Sticks};
 
-/// All gamepads that are connected, now or later; they count as one.
+/// All connected gamepads, which are treated as one.
 pub(super) struct Gamepads {
     received: Receiver<GamepadEvent>,
 }
 
-/// What a gamepad has done.
+/// Event of a gamepad.
 pub(super) enum GamepadEvent {
-    /// Something of the game, and when.
+    /// An input event of the game, and its time.
     Input(Event, Instant),
-    /// A gamepad is there, with the name that it gives itself.
+    /// A gamepad was connected, with its name.
     Connected(String),
 }
 
 impl Gamepads {
-    /// Reads gamepads from now on and wakes the event loop for each event; a machine without any, or without the
-    /// system's permission, has no events.
+    /// Starts the thread, which wakes the event loop for each event. Without gamepads or the system's
+    /// permission there are no events.
     pub(super) fn start(wake: EventLoopProxy<()>) -> Self {
         let (sender, received) = channel();
         let read = move || read(&sender, &wake);
@@ -37,7 +37,7 @@ impl Gamepads {
         Self { received }
     }
 
-    /// What has happened since the last call.
+    /// The events since the last call.
     pub(super) fn poll(&self) -> impl Iterator<Item = GamepadEvent> {
         self.received.try_iter()
     }
@@ -69,13 +69,14 @@ fn read(sender: &Sender<GamepadEvent>, wake: &EventLoopProxy<()>) {
         }
         for event in events {
             if sender.send(event).is_err() || wake.send_event(()).is_err() {
-                return; // the window is closed
+                // The window is closed.
+                return;
             }
         }
     }
 }
 
-/// What an event of a gamepad is to the game.
+/// Translates a gamepad's event to the game's events.
 fn translate(event: EventType, sticks: &mut Sticks) -> Vec<Event> {
     let button = |button, pressed| {
         let control = control_of(button);
@@ -131,9 +132,9 @@ fn directions(axis: Axis) -> Option<[GamepadControl; 2]> {
     })
 }
 
-/// How long the thread waits for an event before it looks whether the window is still open.
+/// Longest wait for an event.
 const WAIT: Duration = Duration::from_millis(500);
-/// Letters of a gamepad's name that are shown.
+/// Largest number of characters shown of a gamepad's name.
 const NAME_LETTERS_MAX: usize = 40;
 
 #[cfg(test)]

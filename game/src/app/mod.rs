@@ -1,4 +1,4 @@
-//! The application: window and event loop, the shell around the game, the session.
+//! Application: window and event loop, the shell around the game, the session.
 
 pub mod app_shell;
 mod autosave;

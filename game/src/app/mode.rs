@@ -1,4 +1,4 @@
-//! The mode of the window (game, replay or practice) and the view that it gives.
+//! Mode of the window (game, replay or practice) and its view.
 
 use carom_billiards::physics::BallPose;
 use carom_tracer::{Camera, SceneUpdate};
@@ -12,42 +12,42 @@ use crate::scene::cue_stick::CuePose;
 use crate::scene::scoreboard::ScoreReading;
 use crate::scene::table_scene::TableScene;
 
-/// What the window shows.
+/// Content of the window.
 #[derive(Debug)]
 pub enum Mode {
     /// The game.
     Game,
     /// A replay of previous shots.
     Replay(Box<ReplayPlayer>),
-    /// A table whose balls are being arranged.
+    /// A practice table whose balls are being arranged.
     Practice(Box<Practice>),
 }
 
-/// The time of a view.
+/// Time of a view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ViewTime {
-    /// Now, in seconds since the program began.
+    /// The present, at a time in seconds.
     Now(f64),
-    /// A moment of the shot that is on, as its [`ShotClock`] counts it.
+    /// A moment of the present shot, as its [`ShotClock`] counts it.
     Moment(f64),
 }
 
-/// What is seen at one time: everything a frame depends on.
+/// State of the view at one time: everything that a frame depends on.
 #[derive(Clone, Debug)]
 pub struct ModeView {
-    /// From where it is seen.
+    /// The camera's viewpoint.
     pub viewpoint: Viewpoint,
-    /// Radius of the lens's aperture in metres: replays have depth of field, in play all is sharp.
+    /// Aperture radius in metres: replays have depth of field, the game has none.
     pub aperture_radius_m: f32,
     /// The balls.
     pub poses: Vec<BallPose>,
-    /// What the scoreboard on the wall shows.
+    /// Reading of the scoreboard on the wall.
     pub scores: ScoreReading,
-    /// The cue, while there is one to show.
+    /// The cue, if it is visible.
     pub cue: Option<CuePose>,
     /// Particles.
     pub particles: ParticleMoment,
-    /// The clock of the shot that is on; none for another moment than now.
+    /// The clock of the present shot; none for [`ViewTime::Moment`].
     pub clock: Option<ShotClock>,
 }
 
@@ -58,7 +58,7 @@ impl ModeView {
         camera.aperture_radius_m(self.aperture_radius_m)
     }
 
-    /// The traced scene in a room.
+    /// The update of a room's scene to this view.
     pub fn update(&self, room: &TableScene) -> SceneUpdate {
         let camera = self.camera();
         let clouds = (self.particles).clouds(room.particle_detail(), room.cloth_albedo());
@@ -69,7 +69,7 @@ impl ModeView {
 }
 
 impl Mode {
-    /// The view of this mode, beside `game`.
+    /// The view of this mode at a time.
     pub fn view(&self, game: &Game, time: ViewTime) -> ModeView {
         let scores = ScoreReading::of(game.contest());
         match self {
@@ -101,7 +101,7 @@ impl Mode {
                     clock,
                 }
             }
-            // The game's camera looks at a table that is being arranged.
+            // A practice table is seen through the game's camera.
             Self::Practice(practice) => ModeView {
                 viewpoint: game.viewpoint(0.0),
                 aperture_radius_m: 0.0,
@@ -114,7 +114,7 @@ impl Mode {
         }
     }
 
-    /// Whether time alone changes what is seen.
+    /// Whether the view changes with time.
     pub fn is_moving(&self, game: &Game) -> bool {
         let is_playing = matches!(self, Self::Replay(player) if player.clock().is_running());
         is_playing || game.is_moving()
@@ -122,7 +122,7 @@ impl Mode {
 }
 
 impl ViewTime {
-    /// The clock, if this is now, and the moment of the shot.
+    /// The clock for [`ViewTime::Now`], and the moment of the shot.
     fn resolve(self, clock_at: impl Fn(f64) -> Option<ShotClock>) -> (Option<ShotClock>, f64) {
         match self {
             Self::Now(now_secs) => {

@@ -1,11 +1,11 @@
-//! The controller of modes: opens replays and practice, does what their pages command, saves files.
+//! Controller of modes: opens replays and practice, executes the commands of their pages, saves files.
 //!
 //! ```text
-//! fresh shots ─▶ ShotHistory ─┐
-//! files (RecordingStore) ─────┴▶ Replay ───▶ the game goes on from there, if that is wanted
-//!                                Practice ─▶ the game's table, once it is arranged
+//! new shots ─▶ ShotHistory ───┐
+//! files (RecordingStore) ─────┴▶ Replay ───▶ optionally the game, from the replay's table
+//!                                Practice ─▶ the game, from the arranged table
 //! ```
-//! Knows neither window nor farm; time is an argument.
+//! Uses neither window nor farm; time is an argument.
 
 use std::path::{Path, PathBuf};
 
@@ -22,20 +22,20 @@ use crate::play::Game;
 use crate::play::practice::{Practice, PracticeCommand, PracticeLayout};
 use crate::{Error, Result};
 
-/// The mode, and what replays are made of.
+/// The mode, and the sources of replays.
 #[derive(Debug)]
 pub struct ModeController {
     mode: Mode,
     history: ShotHistory,
-    /// The player's folder, if the platform names one.
+    /// The player's data folder, if the platform names one.
     folder: Option<PathBuf>,
     files: Vec<SavedRecording>,
     notifications: Vec<String>,
 }
 
 impl ModeController {
-    /// With the player's own folder: `carom` in the platform's folder for data (`$XDG_DATA_HOME`,
-    /// `~/.local/share`, `~/Library/Application Support` or `%APPDATA%`).
+    /// A controller with the player's data folder: `carom` in the platform's folder for data
+    /// (`$XDG_DATA_HOME`, `~/.local/share`, `~/Library/Application Support` or `%APPDATA%`).
     pub fn of_player() -> Self {
         let folders = etcetera::base_strategy::choose_native_strategy();
         Self::with(folders.map(|folders| folders.data_dir().join("carom")).ok())
@@ -56,17 +56,17 @@ impl ModeController {
         &self.mode
     }
 
-    /// The same, to be changed.
+    /// The mode, mutable.
     pub fn mode_mut(&mut self) -> &mut Mode {
         &mut self.mode
     }
 
-    /// The player's files, as they were when the page was opened.
+    /// The player's files, as listed when the page was opened or a file saved.
     pub fn files(&self) -> &[SavedRecording] {
         &self.files
     }
 
-    /// The player's folder.
+    /// The player's data folder.
     ///
     /// # Errors
     /// [`Error::NoFolder`] if the platform names none.
@@ -74,17 +74,17 @@ impl ModeController {
         self.folder.as_deref().ok_or(Error::NoFolder)
     }
 
-    /// Sentences for the player since the last call.
+    /// Takes the messages for the player since the last call.
     pub fn take_notifications(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notifications)
     }
 
-    /// Adds a shot that is played for the first time to the history; each number once.
+    /// Adds a new shot to the history, each number once.
     pub fn record_shot(&mut self, number: u64, shot: &Shot) {
         self.history.record(number, shot);
     }
 
-    /// Goes back to the game; false if nothing else was on show.
+    /// Returns to the game; false if the game was on show already.
     pub fn close(&mut self) -> bool {
         let was = std::mem::replace(&mut self.mode, Mode::Game);
         !matches!(was, Mode::Game)
@@ -113,8 +113,8 @@ impl ModeController {
         }
     }
 
-    /// Shows the shots of a match with who played them and what came of them, or the history of a free
-    /// table; the last shot first.
+    /// Opens a replay of the match's shots, titled with players and outcomes, or of a free table's history,
+    /// at the last shot.
     fn open_replay(&mut self, game: &Game, now_secs: f64) {
         let recording = match self.past(game) {
             Ok(recording) => recording,
@@ -135,7 +135,7 @@ impl ModeController {
             });
         }
         let mut recording = game.contest().recording()?;
-        // The shot that is on is not judged yet.
+        // The present shot has not been judged, so it is not in the match's recording.
         recording
             .clips
             .extend(game.fresh_shot().map(|(_, shot)| Clip {
@@ -145,7 +145,7 @@ impl ModeController {
         Ok(recording)
     }
 
-    /// Shows a recording of the game's table.
+    /// Opens a replay of a recording, if it is of the game's table.
     pub fn view(&mut self, recording: Recording, game: &Game, now_secs: f64) {
         if recording.table != game.table().name() {
             return self.notify(text!("replay-other-table", table = recording.table));
@@ -164,7 +164,7 @@ impl ModeController {
         }
     }
 
-    /// Does what the replay's page commands; the balls to play on with, if that is it.
+    /// Executes a command of the replay page. Returns the layout to play from for [`ReplayCommand::Play`].
     pub fn command_replay(
         &mut self,
         command: ReplayCommand,
@@ -194,7 +194,7 @@ impl ModeController {
                 self.save(kind, &recording)?;
             }
             ReplayCommand::Open(path) => self.view(Recording::load(&path)?, game, now_secs),
-            // The session's, which has the farm.
+            // Handled by the session, which has the farm.
             ReplayCommand::Film => {}
             ReplayCommand::Play => {
                 let start = player.start();
@@ -206,7 +206,8 @@ impl ModeController {
         Ok(None)
     }
 
-    /// Does what the practice page commands; the balls to play on with, if that is it.
+    /// Executes a command of the practice page. Returns the layout to play from for
+    /// [`PracticeCommand::Play`].
     pub fn command_practice(
         &mut self,
         command: PracticeCommand,
@@ -253,7 +254,7 @@ impl ModeController {
         Ok(None)
     }
 
-    /// Lets time pass.
+    /// Advances the clock of a replay.
     pub fn tick(&mut self, now_secs: f64) {
         if let Mode::Replay(player) = &mut self.mode {
             player.tick(now_secs);
@@ -278,7 +279,7 @@ impl ModeController {
         }
     }
 
-    /// What a command gives back; the player is told why it gives nothing.
+    /// The result of a command; an error becomes a message for the player.
     fn report(&mut self, done: Result<Option<PracticeLayout>>) -> Option<PracticeLayout> {
         done.unwrap_or_else(|why| {
             self.notify(why.to_string());
@@ -286,13 +287,13 @@ impl ModeController {
         })
     }
 
-    /// Tells the player something.
+    /// Queues a message for the player.
     pub fn notify(&mut self, sentence: String) {
         self.notifications.push(sentence);
     }
 }
 
-/// Arranges the balls as they lie in a file.
+/// Arranges the practice table as in a file.
 fn lay(practice: &mut Practice, path: &Path, game: &Game, now_secs: f64) -> Result<()> {
     let recording = Recording::load(path)?;
     if recording.table != game.table().name() {

@@ -1,9 +1,9 @@
-//! The pointer's way over the table and its panels: a way to a panel was none of aiming.
+//! Detection of pointer motion between table and panels, which must not turn the aim.
 
 use crate::input::{AimIntent, Intent};
 
-/// How the pointer's present travel, from rest to rest, has turned the aim: a travel that begins or ends on a
-/// panel was none of aiming.
+/// Rotation of the aim by the pointer's present motion, from rest to rest. A motion that begins or ends on
+/// a panel is not meant as aiming, and its rotation is undone or suppressed.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PointerTravel {
     turned_rad: f64,
@@ -12,6 +12,7 @@ pub(super) struct PointerTravel {
 }
 
 impl PointerTravel {
+    /// Records an intent of the player.
     pub(super) fn note(&mut self, intent: Intent, now_secs: f64) {
         match intent {
             Intent::Aim(AimIntent::Turn(by_rad)) if now_secs - self.last_secs < WAY_PAUSE_SECS => {
@@ -23,14 +24,15 @@ impl PointerTravel {
         self.last_secs = now_secs;
     }
 
-    /// The pointer is over a panel: what gives back the aim.
+    /// Records that the pointer is over a panel, and returns the intent that restores the aim if the motion
+    /// turned it.
     pub(super) fn enter_panel(&mut self, now_secs: f64) -> Option<AimIntent> {
         (self.is_from_panel, self.last_secs) = (true, now_secs);
         let turned_rad = std::mem::take(&mut self.turned_rad);
         (turned_rad != 0.0).then_some(AimIntent::Turn(-turned_rad))
     }
 
-    /// Whether a pointer that moves over the table is still on its travel from a panel.
+    /// Whether a pointer that moves over the table is still in a motion that began on a panel.
     pub(super) fn came_from_panel(&mut self, now_secs: f64) -> bool {
         self.is_from_panel &= now_secs - self.last_secs < WAY_PAUSE_SECS;
         if self.is_from_panel {
@@ -40,7 +42,7 @@ impl PointerTravel {
     }
 }
 
-/// A pointer that rests so long has arrived.
+/// Time of rest that ends a motion, in seconds.
 const WAY_PAUSE_SECS: f64 = 0.4;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The game in its window: its look as the settings want it, and its interface.
+//! The game's window: theme, text size, and drawing of the interface.
 
 use carom_window::display::UiFrame;
 use carom_window::screen::Screen;
@@ -9,19 +9,19 @@ use crate::app::session::GameSession;
 use crate::input::Event;
 use crate::settings::Settings;
 
-/// Looks as the settings want it.
+/// Applies the settings' text size and reduced motion to the theme.
 pub(super) fn apply_theme(screen: &Screen, settings: &Settings) {
     let scale = text_scale(screen, settings);
     theme::apply(&screen.egui, scale, settings.reduced_motion);
 }
 
-/// Text as large as the settings want it and the window has room for.
+/// Scale of text by the settings, limited by the window's size.
 pub(super) fn text_scale(screen: &Screen, settings: &Settings) -> f32 {
     screen.text_scale(settings.text_scale as f32)
 }
 
-/// Whether the pointer, whose event this is, is over something of the interface. `pointer` is where it was
-/// last, in points.
+/// Whether a pointer event is over the interface; false for other events. `pointer` is its last position in
+/// points, which is updated.
 pub(super) fn is_over_panel(screen: &Screen, pointer: &mut egui::Pos2, event: Event) -> bool {
     match event {
         Event::Pointer(at) => *pointer = egui::pos2(at.x as f32, at.y as f32),
@@ -31,7 +31,7 @@ pub(super) fn is_over_panel(screen: &Screen, pointer: &mut egui::Pos2, event: Ev
     screen.is_panel_at(*pointer)
 }
 
-/// Draws the interface.
+/// Draws the interface and returns its shapes.
 pub(super) fn draw_interface(
     screen: &mut Screen,
     session: &mut GameSession,
@@ -40,7 +40,7 @@ pub(super) fn draw_interface(
 ) -> UiFrame {
     let name = screen.display.name().to_owned();
     let interface = screen.run_interface(|ui| shell.draw(ui.ctx(), session, now_secs, &name));
-    // What moves or fades is drawn again at once.
+    // Animations of the interface need another redraw at once.
     if interface.repaint_delay.is_zero() {
         session.redraw();
     }

@@ -6,7 +6,7 @@ use winit::keyboard::PhysicalKey;
 
 use crate::input::{Button, Event, Key};
 
-/// What a window event is to the game.
+/// Translates a window event to the game's event, if it has one. `scale` is in pixels per point.
 pub(super) fn translate(event: &WindowEvent, scale: f64) -> Option<Event> {
     match event {
         WindowEvent::CursorMoved { position, .. } => {
@@ -46,7 +46,7 @@ fn button_of(button: MouseButton) -> Option<Button> {
     }
 }
 
-/// winit names its keys as the W3C does.
+/// The game's key of a physical key. winit's names of key codes are those of the W3C.
 fn key_of(key: PhysicalKey) -> Option<Key> {
     let PhysicalKey::Code(code) = key else {
         return None;
@@ -54,5 +54,5 @@ fn key_of(key: PhysicalKey) -> Option<Key> {
     Key::from_code(&format!("{code:?}"))
 }
 
-/// A touchpad's travel that counts as a notch of a wheel.
+/// Scroll distance of a touchpad that counts as one notch of a wheel, in points.
 const WHEEL_NOTCH_POINTS: f64 = 50.0;

@@ -1,4 +1,4 @@
-//! Playback through the system's sound device, which needs the system's library: behind the feature `cpal`.
+//! Playback through the system's sound device, with the feature `cpal`, which links a system library.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,7 +10,7 @@ use cpal::{ErrorKind, FromSample, OutputCallbackInfo, SampleFormat, SizedSample,
 use super::Sound;
 use super::voice::{Voice, channel_value};
 
-/// The system's default device, with a stream that is open as long as this lives.
+/// The system's default output device, with a stream that is open as long as this lives.
 pub struct SoundDevice {
     _stream: cpal::Stream,
     name: String,
@@ -18,16 +18,16 @@ pub struct SoundDevice {
     is_lost: Arc<AtomicBool>,
 }
 
-/// A sound on a device, which ends with this.
+/// A sound that plays on a device until this is dropped.
 pub struct DeviceSound(SharedVoice);
 
 type SharedVoice = Arc<Mutex<Option<Voice>>>;
 
 impl SoundDevice {
-    /// Opens the system's default device in its own format and rate.
+    /// Opens the system's default output device in its native format and rate.
     ///
     /// # Errors
-    /// The system's: there is no device, another program has it, or its format is none of the usual ones.
+    /// If there is no device, another program holds it, or its sample format is not supported.
     pub fn open() -> Result<Self, cpal::Error> {
         let device = cpal::default_host()
             .default_output_device()
@@ -55,18 +55,18 @@ impl SoundDevice {
         })
     }
 
-    /// The device's name, for people.
+    /// Display name of the device.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Whether the device is gone: unplugged, or taken by the system.
+    /// Whether the device has failed, as when it was unplugged.
     pub fn is_lost(&self) -> bool {
         self.is_lost.load(Ordering::Relaxed)
     }
 
-    /// Plays a sound in place of what was playing, `volume` from 0 to 1; its first sample is heard at `at`, what should
-    /// have been heard already is left out.
+    /// Plays a sound in place of the present one, with a volume from 0 to 1. Its first sample is heard at
+    /// `at`; if that is over, the beginning is cut off.
     pub fn start(&self, sound: Sound, at: Instant, volume: f64) -> DeviceSound {
         replace(&self.voice, Some(Voice::new(sound, at, volume)));
         DeviceSound(self.voice.clone())
@@ -74,7 +74,7 @@ impl SoundDevice {
 }
 
 impl DeviceSound {
-    /// Whether its last sample was heard.
+    /// Whether its last sample has been played.
     pub fn is_over(&self) -> bool {
         let voice = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         voice.as_ref().is_none_or(Voice::is_over)
@@ -87,7 +87,8 @@ impl Drop for DeviceSound {
     }
 }
 
-/// The old sound is freed outside of the lock, which the device's thread waits for.
+/// Replaces the present sound. The old one is freed outside of the lock, as the device's real-time thread
+/// waits for it.
 fn replace(voice: &SharedVoice, new: Option<Voice>) {
     let old = std::mem::replace(
         &mut *voice.lock().unwrap_or_else(PoisonError::into_inner),
@@ -103,6 +104,7 @@ fn stream<T: SizedSample + FromSample<f32>>(
     let (channels, rate_hz) = (usize::from(config.channels), f64::from(config.sample_rate));
     let fill = move |out: &mut [T], info: &OutputCallbackInfo| {
         let times = info.timestamp();
+        // Both timestamps are of the device's clock; only their difference, the output latency, is used.
         let latency = times.playback.saturating_duration_since(times.callback);
         let heard_at = Instant::now() + latency;
         let mut voice = voice.lock().unwrap_or_else(PoisonError::into_inner);

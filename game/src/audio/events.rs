@@ -1,4 +1,4 @@
-//! Sound events of a shot: its contacts with their times and forces.
+//! Sound of a shot from the contacts of its simulation.
 
 use carom_billiards::physics::{Event, EventKind, Shot, Surface};
 use glam::DVec3;
@@ -8,7 +8,7 @@ use super::modal_synthesis::Voice;
 use super::rolling::{BallPaths, room_tone};
 use super::{RATE_HZ, Sound, reverb};
 
-/// The sound of a whole shot; its first sample is the blow.
+/// The sound of a whole shot, which begins with the stroke.
 pub fn of_shot(shot: &Shot) -> Sound {
     let strikes = shot.events().iter().filter_map(|event| strike(shot, event));
     let strikes: Vec<Strike> = strikes.filter(is_heard).collect();
@@ -21,7 +21,7 @@ pub fn of_shot(shot: &Shot) -> Sound {
         samples
     });
     let length = left.len().max(right.len());
-    // Bounded by a curve, not by clipping: a break is louder than full scale for some milliseconds.
+    // Soft clipping, as a break exceeds full scale for some milliseconds.
     let sample = |channel: &[f32], i: usize| channel.get(i).copied().unwrap_or(0.0).tanh();
     let samples = (0..length).map(|i| [sample(&left, i), sample(&right, i)]);
     Sound {
@@ -29,9 +29,9 @@ pub fn of_shot(shot: &Shot) -> Sound {
     }
 }
 
-/// A contact that sounds.
+/// An audible contact.
 struct Strike {
-    /// Seconds since the blow of the cue.
+    /// Seconds since the stroke.
     at_secs: f64,
     voice: Voice,
     speed_m_s: f64,
@@ -49,14 +49,15 @@ fn play(strikes: &[Strike], ear: Ear) -> Vec<f32> {
         let (later_secs, gain) = ear.hears(strike.place);
         let at = (strike.at_secs + later_secs).max(0.0) * f64::from(RATE_HZ);
         let first = at.floor() as usize;
-        // The fraction of a sample matters: both ears differ by up to 0.26 ms, some 12 samples, and
-        // directions are told by less than one.
+        // The fraction of a sample is kept: the ears differ by up to 0.26 ms or 12 samples, and differences
+        // below one sample are audible as directions.
         let struck = strike.voice.strike(strike.speed_m_s, at.fract());
         if samples.len() < first + struck.len() {
             samples.resize(first + struck.len(), 0.0);
         }
-        // Clicks of the same moment are out of step at the ear, so that their energies add up and not
-        // their amplitudes: a rack bursts in a hundred contacts within a few milliseconds.
+        // Simultaneous clicks reach the ear with random phases, so that energies add up rather than
+        // amplitudes: n of them are scaled by 1/√n. A break has a hundred contacts within a few
+        // milliseconds.
         let together = |other: &&Strike| (other.at_secs - strike.at_secs).abs() < TOGETHER_SECS;
         let share = gain / (strikes.iter().filter(together).count() as f32).sqrt();
         for (out, sample) in samples[first..].iter_mut().zip(&struck) {
@@ -66,7 +67,7 @@ fn play(strikes: &[Strike], ear: Ear) -> Vec<f32> {
     samples
 }
 
-/// What sounds of an event.
+/// The sound of an event, if it has one.
 fn strike(shot: &Shot, event: &Event) -> Option<Strike> {
     let place_of = |number: u8| {
         let poses = shot.poses_at(event.time_secs);
@@ -104,7 +105,7 @@ fn strike(shot: &Shot, event: &Event) -> Option<Strike> {
             (voice, speed_m_s, point)
         }
         EventKind::LeftTable { point, .. } => {
-            // From the table's height and its own, to the floor.
+            // Free fall from the ball's height above the floor.
             let height_m = TABLE_HEIGHT_M + point.z.max(0.0);
             let fall_m_s = (2.0 * GRAVITY_M_S2 * height_m).sqrt();
             after_secs = fall_m_s / GRAVITY_M_S2;
@@ -120,16 +121,16 @@ fn strike(shot: &Shot, event: &Event) -> Option<Strike> {
     })
 }
 
-/// Softer contacts are lost in the room.
+/// Speed below which contacts are inaudible.
 const AUDIBLE_M_S: f64 = 0.02;
-/// Within the ring of a click.
+/// Time within which contacts count as simultaneous: that of a click's decay.
 const TOGETHER_SECS: f64 = 2e-3;
 const SPEED_M_S_MAX: f64 = 60.0;
-/// As loud as a tip at this speed.
+/// Speed at which a miscue sounds.
 const MISCUE_M_S: f64 = 1.5;
-/// Longer than any shot.
+/// Latest time of a contact, longer than any shot.
 const SECS_MAX: f64 = 120.0;
-/// Down a pocket of 60 mm.
+/// Speed of a ball after a fall of 60 mm into a pocket, the least of a pocketed ball.
 const POCKET_FALL_M_S: f64 = 1.1;
 const TABLE_HEIGHT_M: f64 = 0.78;
 const GRAVITY_M_S2: f64 = 9.81;

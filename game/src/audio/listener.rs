@@ -1,8 +1,8 @@
-//! The listener: a head at the table's end, whose two ears hear a place at their own distance.
+//! Listener: a spherical head at the table's end, with a delay and a level for each ear.
 //!
-//! A spherical head delays what comes from the other side by up to 0.26 ms and takes up to 10 dB of it
-//! (Brown and Duda, "A structural model for binaural sound synthesis", 1998, of which the shadow here
-//! is the value of the middle frequencies).
+//! The head delays sound from the other side by up to 0.26 ms and attenuates it by up to 10 dB (Brown and
+//! Duda, "A structural model for binaural sound synthesis", 1998; the shadow here is their value at middle
+//! frequencies).
 
 use glam::DVec3;
 
@@ -16,7 +16,7 @@ pub(super) enum Ear {
 impl Ear {
     pub(super) const BOTH: [Self; 2] = [Self::Left, Self::Right];
 
-    /// The way out of the ear; the listener looks along +x.
+    /// Outward direction of the ear; the listener looks along +x.
     fn axis(self) -> DVec3 {
         match self {
             Self::Left => DVec3::Y,
@@ -24,12 +24,13 @@ impl Ear {
         }
     }
 
-    /// Its place, in metres from the middle of the cloth.
+    /// Position, in metres from the centre of the cloth.
     pub(super) fn place(self) -> DVec3 {
         HEAD_M + HEAD_RADIUS_M * self.axis()
     }
 
-    /// Later than at the middle of the head, in seconds, and louder than from the middle of the table.
+    /// Delay of sound from a place relative to the head's centre, in seconds, and gain relative to sound
+    /// from the table's centre at the head's centre.
     pub(super) fn hears(self, place: DVec3) -> (f64, f32) {
         let (to_head, to_ear) = (HEAD_M.distance(place), self.place().distance(place));
         let facing = (place - HEAD_M).normalize_or_zero().dot(self.axis());
@@ -39,13 +40,13 @@ impl Ear {
     }
 }
 
-/// The middle of the head, in metres from the middle of the cloth.
+/// Centre of the head, in metres from the centre of the cloth.
 pub(super) const HEAD_M: DVec3 = DVec3::new(-2.0, -0.2, 0.7);
 pub(super) const SOUND_M_S: f64 = 343.0;
 const HEAD_RADIUS_M: f64 = 0.0875;
-/// Half of the difference between an ear that is turned to a sound and one that is turned away.
+/// Half of the difference in gain between an ear that faces a sound and one that is turned away.
 const SHADOW: f64 = 0.5;
-/// Nothing on the table is nearer.
+/// Least distance from an ear in the distance law, in metres, below those on the table.
 const NEAREST_M: f64 = 0.3;
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
-//! The sound of a shot: each contact of the simulation struck as a small instrument, in a room.
+//! Sound synthesis of a shot: each contact of the simulation excites the modes of what is struck, in a room.
 //!
 //! ```text
-//! Shot ─┬▶ events ─▶ modal_synthesis (modes rung by a contact's force) ─┬▶ reverb ─▶ playback, WAV, video
-//!       └▶ rolling (noise of balls on cloth)                          ─┘
+//! Shot ─┬▶ events ─▶ modal_synthesis (modes excited by a contact's force) ─┬▶ reverb ─▶ playback, WAV, video
+//!       └▶ rolling (noise of balls on cloth)                             ─┘
 //! ```
-//! Each is made once for each ear: later, softer and duller on the far side ([`listener`]).
+//! Each is computed for both ears, with their delays and levels ([`listener`]).
 //!
-//! A shot is simulated whole before it is watched, so its whole sound is made at once and every click
-//! falls on its sample. What plays it is chosen in [`playback`].
+//! A shot is simulated whole before it is watched, so its whole sound is synthesised at once, with every
+//! contact at its exact time. [`playback`] chooses the output.
 
 #[cfg(feature = "cpal")]
 mod device;
@@ -34,18 +34,18 @@ use carom_text::text;
 
 use crate::scene::table_scene::TableScene;
 
-/// Samples of one second.
+/// Sample rate of all sounds.
 pub const RATE_HZ: u32 = 48_000;
 
-/// Two channels at [`RATE_HZ`], from −1 to 1.
+/// Stereo sound at [`RATE_HZ`], from −1 to 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sound {
-    /// Left and right of each moment.
+    /// Left and right samples.
     pub samples: Vec<[f32; 2]>,
 }
 
 impl Sound {
-    /// The same, begun `secs` later; earlier if negative, where what came before is cut off.
+    /// The same sound delayed by `secs`; with a negative delay its beginning is cut off.
     #[must_use]
     pub fn shifted(&self, secs: f64) -> Self {
         let samples = (secs.abs() * f64::from(RATE_HZ)).round() as usize;
@@ -58,7 +58,7 @@ impl Sound {
         Self { samples }
     }
 
-    /// Adds another sound that begins after `secs`.
+    /// Mixes in another sound that begins at `secs`.
     pub fn mix(&mut self, other: &Self, secs: f64) {
         let first = (secs.max(0.0) * f64::from(RATE_HZ)).round() as usize;
         let end = first + other.samples.len();
@@ -68,10 +68,10 @@ impl Sound {
         }
     }
 
-    /// Writes a WAV file of 16 bits, `volume` from 0 to 1 times as loud.
+    /// Writes a 16-bit WAV file with samples scaled by `volume` from 0 to 1.
     ///
     /// # Errors
-    /// The writer's.
+    /// Those of the writer, and sounds longer than a WAV file holds.
     pub fn write_wav(&self, volume: f64, out: &mut impl Write) -> io::Result<()> {
         let bytes = u32::try_from(4 * self.samples.len()).map_err(io::Error::other)?;
         out.write_all(b"RIFF")?;
@@ -95,11 +95,11 @@ impl Sound {
     }
 }
 
-/// Writes the sound of a recorded shot, or of a break of `speed_m_s`, as a WAV file, and prints what
-/// it was.
+/// Writes the sound of a recording's first shot, or of a break of `speed_m_s`, as a WAV file, and prints a
+/// summary.
 ///
 /// # Errors
-/// A sentence with the file or the number that is wrong.
+/// If the break cannot be struck at this speed, or the file cannot be written.
 pub fn write_shot(out: &Path, recording: Option<Recording>, speed_m_s: f64) -> anyhow::Result<()> {
     let first = recording.and_then(|recording| recording.clips.into_iter().next());
     let shot = match first {
@@ -126,7 +126,7 @@ fn break_shot(speed_m_s: f64) -> anyhow::Result<Shot> {
     Ok(World::new(table, rack)?.strike(Stroke::straight(0.0, speed_m_s))?)
 }
 
-/// Ten seconds: more silence than any shot begins with.
+/// Longest silence of [`Sound::shifted`], in samples: 10 s.
 const SILENCE_MAX: usize = 480_000;
 
 #[cfg(test)]

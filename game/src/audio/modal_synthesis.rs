@@ -1,44 +1,44 @@
-//! Contacts as instruments: modes of what was struck, rung by the force of the contact.
+//! Modal synthesis of contacts: resonant modes of the struck body, excited by the force of the contact.
 //!
-//! The force is a Hertz contact's, near sin^1.5 of time, over a time that falls with the fifth root
-//! of the speed (Johnson, "Contact Mechanics", 11.4), so that harder blows are louder by more than
-//! their speed and brighter. Two balls: what is heard is mostly the air that the ball pushes as it is
-//! jerked, a dipole that rings at c/a with decay a/c, and that of the other ball against it (Koss and
-//! Alfredson, "Transient sound radiated by spheres undergoing an elastic collision", 1973): lows cancel,
-//! which leaves the click between 2 and 6 kHz; the ball's own lowest mode is at 17 kHz
-//! (Lamb, 1882: k a = 2.64 for a Poisson ratio of 1/3). The other modes are fitted by ear to the
-//! kind of body: a shaft of maple, a rail of wood behind rubber, slate, a pocket's leather, a floor.
+//! The force is that of a Hertz contact, approximately sin^1.5 of time, over a duration that falls with the
+//! fifth root of the speed (Johnson, "Contact Mechanics", 11.4). So harder contacts are brighter, and their
+//! level grows more than the speed. The sound of two balls is mostly that of the air accelerated by each: a
+//! dipole of angular frequency c/a and decay time a/c, with the opposite dipole of the other ball (Koss and
+//! Alfredson, "Transient sound radiated by spheres undergoing an elastic collision", 1973). Low frequencies
+//! cancel, which leaves the click between 2 and 6 kHz; the ball's lowest vibration mode is at 17 kHz (Lamb,
+//! 1882: k a = 2.64 for a Poisson ratio of 1/3). The other modes are fitted by ear to the kind of body: a
+//! maple shaft, a wooden rail behind rubber, slate, a leather pocket, a floor.
 
 use super::RATE_HZ;
 
-/// What sounds.
+/// Kind of contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Voice {
-    /// The tip on the cue ball; speeds are the cue's.
+    /// Cue tip on the cue ball; speeds are those of the cue.
     Tip,
-    /// The tip slipping off.
+    /// Tip that slips off the cue ball.
     Slip,
-    /// A ball on a ball.
+    /// Ball on ball.
     Ball,
-    /// A ball on a cushion.
+    /// Ball on a cushion.
     Cushion,
-    /// A ball in a pocket.
+    /// Ball in a pocket.
     Pocket,
-    /// A ball that falls on the cloth.
+    /// Ball that falls on the cloth.
     Slate,
-    /// A ball that falls on a rail.
+    /// Ball that falls on a rail.
     Rail,
-    /// A ball that falls on the floor.
+    /// Ball that falls on the floor.
     Floor,
 }
 
-/// One mode: frequency in Hz, time in which it falls to 1/e in s, strength.
+/// Mode: frequency in Hz, decay time to 1/e in s, relative amplitude.
 type VibrationMode = (f64, f64, f64);
 
 struct StruckBody {
-    /// Of the contact at 1 m/s.
+    /// Duration of the contact at 1 m/s.
     contact_secs: f64,
-    /// The largest sample at 1 m/s.
+    /// Largest sample at 1 m/s.
     loudness: f64,
     modes: &'static [VibrationMode],
 }
@@ -86,7 +86,7 @@ impl Voice {
         }
     }
 
-    /// The sound of a contact at `speed_m_s` that begins `begin` samples, 0 to 1, after the first.
+    /// The sound of a contact at `speed_m_s` that begins a fraction `begin` of a sample after the first.
     pub(super) fn strike(self, speed_m_s: f64, begin: f64) -> Vec<f32> {
         let body = self.body();
         let scale = body.loudness / peak(&self.radiated(ring(&body, 1.0, 0.0)));
@@ -98,11 +98,12 @@ impl Voice {
 }
 
 impl Voice {
-    /// What reaches the ear of what rings: of two balls the one against the other.
+    /// Radiated sound of the modes. For two balls it is that of one minus that of the other, delayed by the
+    /// distance.
     fn radiated(self, mut rung: Vec<f64>) -> Vec<f64> {
         if self == Self::Ball {
             rung.resize(rung.len() + BALLS_APART, 0.0);
-            // Backwards, so that what is subtracted has not been changed yet.
+            // Backwards, so that the subtracted samples are still unchanged.
             for i in (BALLS_APART..rung.len()).rev() {
                 rung[i] -= rung[i - BALLS_APART];
             }
@@ -111,7 +112,8 @@ impl Voice {
     }
 }
 
-/// What the modes radiate: the change of their sum.
+/// The first difference of the sum of all modes, in place of its derivative: far-field pressure follows the
+/// surface's acceleration.
 fn ring(body: &StruckBody, speed_m_s: f64, begin: f64) -> Vec<f64> {
     let rate = f64::from(RATE_HZ);
     let contact = (body.contact_secs * speed_m_s.powf(-0.2) * rate).max(2.0);
@@ -121,13 +123,13 @@ fn ring(body: &StruckBody, speed_m_s: f64, begin: f64) -> Vec<f64> {
     for &(hz, decay_secs, strength) in body.modes {
         let radius = (-1.0 / (decay_secs * rate)).exp();
         let angle = std::f64::consts::TAU * hz / rate;
-        // A resonator with poles r·e^(±iθ): its impulse response is rⁿ sin((n + 1)θ) / sin θ, which
-        // `strength · sin θ` below brings to the mode's strength whatever its frequency.
+        // Two-pole resonator with poles r·e^(±iθ). Its impulse response is rⁿ sin((n + 1)θ) / sin θ; the
+        // factor `strength · sin θ` below normalises the amplitude to the mode's at any frequency.
         let (a, b) = (2.0 * radius * angle.cos(), radius * radius);
         let (mut last, mut before) = (0.0, 0.0);
         for (i, out) in sum.iter_mut().enumerate() {
-            // Over the contact's time, so that its area, the momentum, is in proportion to the speed
-            // alone.
+            // Divided by the contact's duration, so that the integral, the momentum, is proportional to the
+            // speed.
             let force = force((i as f64 - begin) / contact) * speed_m_s / contact;
             let now = a * last - b * before + strength * angle.sin() * force;
             (before, last) = (last, now);
@@ -136,13 +138,12 @@ fn ring(body: &StruckBody, speed_m_s: f64, begin: f64) -> Vec<f64> {
     }
     let first = sum[0];
     std::iter::once(first)
-        // The first difference stands for the derivative: pressure far away follows the surface's
-        // acceleration.
         .chain(sum.windows(2).map(|pair| pair[1] - pair[0]))
         .collect()
 }
 
-/// A Hertz contact's force, of area near 0.56, over its time 0 to 1.
+/// Normalised force of a Hertz contact at a time from 0 to 1, with a maximum of 1 and an integral of about
+/// 0.56.
 fn force(time: f64) -> f64 {
     if !(0.0..=1.0).contains(&time) {
         return 0.0;
@@ -157,22 +158,22 @@ fn peak(samples: &[f64]) -> f64 {
     peak.max(1e-12)
 }
 
-/// Contact of two balls at 1 m/s: 2.87 (m² / (R E² v))^(1/5) with the pair's reduced mass, radius and
-/// modulus; phenolic resin has a modulus of 5.8 GPa and a Poisson ratio of 0.34.
+/// Duration of the Hertz contact of two balls at 1 m/s: 2.87 (m² / (R E² v))^(1/5) with the pair's reduced
+/// mass, radius and modulus. Phenolic resin has a Young's modulus of 5.8 GPa and a Poisson ratio of 0.34.
 fn hertz_secs() -> f64 {
     let (mass, radius) = (0.5 * 0.17, 0.5 * 0.028_575);
     let modulus = 5.8e9 / (2.0 * (1.0 - 0.34_f64.powi(2)));
     2.87 * (mass * mass / (radius * modulus * modulus)).powf(0.2)
 }
 
-/// Speed of sound over the radius: 343 m/s and 28.575 mm.
+/// Frequency c/(2πa) and decay time a/c of a ball's dipole, for c = 343 m/s and a = 28.575 mm.
 const DIPOLE_HZ: f64 = 1910.0;
 const DIPOLE_SECS: f64 = 83.3e-6;
-/// Samples that sound takes from ball to ball, in the mean over all directions: half of a diameter.
+/// Delay between the sounds of two balls in samples, averaged over all directions: that of half a diameter.
 const BALLS_APART: usize = 4;
-/// 2.64 times the speed of shear waves over the circumference.
+/// Lowest mode of a ball: 2.64 times the speed of shear waves over the circumference.
 const BALL_MODE_HZ: f64 = 16_600.0;
-/// After so many decays a mode is 60 dB down.
+/// Decay times after which a mode has fallen by 60 dB: ln 1000.
 const FADE_DECAYS: f64 = 6.9;
 
 #[cfg(test)]

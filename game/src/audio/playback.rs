@@ -1,7 +1,8 @@
-//! Playback of one sound at a time, by the system's own player program or by its sound device.
+//! Playback of one sound at a time, through a player program of the system or its sound device.
 //!
-//! Without the feature `cpal` no library of the system is linked: a machine without any sound builds and runs the same,
-//! and says so in the settings. For a player program a shot's sound is one WAV file in the folder for temporary files.
+//! Without the feature `cpal` no system library is linked, so that the game builds and runs on a machine
+//! without sound, and says so in the settings. A player program gets a shot's sound as one temporary WAV
+//! file.
 
 use std::ffi::OsString;
 use std::io::{self, BufWriter, Write as _};
@@ -19,21 +20,21 @@ use super::Sound;
 #[cfg(feature = "cpal")]
 use super::device::{DeviceSound, SoundDevice};
 
-/// What plays sounds.
+/// Output for sounds.
 pub enum SoundOutput {
-    /// A program, told a WAV file.
+    /// A program that plays a WAV file.
     Program(PlayerProgram),
     /// The system's sound device.
     #[cfg(feature = "cpal")]
     Device(SoundDevice),
 }
 
-/// A program that plays a WAV file.
+/// Program that plays a WAV file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlayerProgram {
-    /// Its path.
+    /// Path of the program.
     pub program: PathBuf,
-    /// What stands before the file's name.
+    /// Arguments before the file's name.
     pub arguments: Vec<OsString>,
 }
 
@@ -48,7 +49,7 @@ pub struct Playback {
 enum PlaybackRequest {
     Play {
         sound: Box<dyn FnOnce() -> Sound + Send>,
-        /// When the sound's first sample is to be heard.
+        /// Time at which the sound's first sample is to be heard.
         at: Instant,
         volume: f64,
     },
@@ -56,8 +57,8 @@ enum PlaybackRequest {
 }
 
 impl SoundOutput {
-    /// The system's device where this was built for it and there is one, else the first of the known players that is
-    /// installed.
+    /// The system's device with the feature `cpal` and if it can be opened, otherwise the first of the
+    /// known players that is installed.
     pub fn of_system() -> Option<Self> {
         #[cfg(feature = "cpal")]
         match SoundDevice::open() {
@@ -79,7 +80,7 @@ impl SoundOutput {
     fn start(&mut self, sound: Sound, at: Instant, volume: f64) -> io::Result<PlayingSound> {
         match self {
             Self::Program(player) => {
-                // The player's own start is made up for; a sound that is late begins in its middle.
+                // Compensates for the player's start time; of a late sound the beginning is cut off.
                 let now = Instant::now() + START_TIME;
                 let late_secs = now.saturating_duration_since(at).as_secs_f64();
                 let early_secs = at.saturating_duration_since(now).as_secs_f64();
@@ -88,7 +89,7 @@ impl SoundOutput {
             #[cfg(feature = "cpal")]
             Self::Device(device) => {
                 if device.is_lost() {
-                    // The default may be another one by now.
+                    // The default device may have changed.
                     *device = SoundDevice::open().map_err(io::Error::other)?;
                 }
                 Ok(PlayingSound::Device(device.start(sound, at, volume)))
@@ -119,7 +120,7 @@ impl PlayerProgram {
     }
 }
 
-/// A program of this name in the folders of the environment's `PATH`.
+/// Path of a program of this name in the folders of `PATH`.
 pub fn installed_program(name: &str) -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
     let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
@@ -128,7 +129,7 @@ pub fn installed_program(name: &str) -> Option<PathBuf> {
 }
 
 impl Playback {
-    /// Plays through `output`; with none, nothing is heard.
+    /// A playback through `output`; without one it is silent.
     pub fn new(output: Option<SoundOutput>) -> Self {
         let words = match &output {
             Some(output) => text!("sound-by", name = output.name()),
@@ -151,12 +152,12 @@ impl Playback {
         }
     }
 
-    /// Whether there is nothing that could play a sound.
+    /// Whether there is no output.
     pub fn is_silent(&self) -> bool {
         self.requests.is_none()
     }
 
-    /// How sound is played, or why there is none: a sentence for the settings.
+    /// Description of the output, or the reason why there is no sound: a sentence for the settings.
     pub fn state(&self) -> String {
         self.state
             .lock()
@@ -164,8 +165,8 @@ impl Playback {
             .clone()
     }
 
-    /// Plays what `sound` makes, in place of what was playing; its first sample is to be heard at
-    /// `at`, and what should have been heard already is left out.
+    /// Synthesises a sound on the playback thread and plays it in place of the present one. Its first
+    /// sample is to be heard at `at`; if that is over, the beginning is cut off.
     pub fn play(&self, at: Instant, volume: f64, sound: impl FnOnce() -> Sound + Send + 'static) {
         if volume > 0.0 {
             self.send(PlaybackRequest::Play {
@@ -176,14 +177,14 @@ impl Playback {
         }
     }
 
-    /// Ends what is playing.
+    /// Stops the present sound.
     pub fn stop(&self) {
         self.send(PlaybackRequest::Stop);
     }
 
     fn send(&self, request: PlaybackRequest) {
         if let Some(requests) = &self.requests {
-            // The thread lives as long as the speaker.
+            // The thread lives until this is dropped, so sending succeeds.
             let _ = requests.send(request);
         }
     }
@@ -191,7 +192,7 @@ impl Playback {
 
 impl Drop for Playback {
     fn drop(&mut self) {
-        // Closing the channel is what ends the thread; joined without it, this would wait for ever.
+        // Closing the channel ends the thread; joining it before would wait for ever.
         self.requests = None;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -210,7 +211,7 @@ fn work(mut output: SoundOutput, requests: &Receiver<PlaybackRequest>, state: &M
             }
             Err(RecvTimeoutError::Disconnected) => return,
         };
-        // Dropped first, which ends the old sound before the new one is made.
+        // Ends the old sound before the new one is synthesised.
         playing = None;
         let PlaybackRequest::Play { sound, at, volume } = request else {
             continue;
@@ -229,9 +230,9 @@ fn work(mut output: SoundOutput, requests: &Receiver<PlaybackRequest>, state: &M
     }
 }
 
-/// A sound that is heard until it is over or this is dropped.
+/// A sound that is played until it is over or this is dropped.
 enum PlayingSound {
-    /// A player at work, and its file.
+    /// Process of a player, and its file, which is deleted with this.
     Program { child: Child, _file: TempPath },
     #[cfg(feature = "cpal")]
     Device(DeviceSound),
@@ -279,8 +280,8 @@ fn silence() -> String {
     text!("sound-none", programs = names.join(", "))
 }
 
-/// Players, and what they need to be told. The first three come with PipeWire, PulseAudio and ALSA,
-/// afplay with macOS; the others with ffmpeg and SoX.
+/// Known players and their arguments. The first three come with PipeWire, PulseAudio and ALSA,
+/// afplay with macOS, the others with ffmpeg and SoX.
 const KNOWN: [(&str, &[&str]); 6] = [
     ("pw-play", &[]),
     ("paplay", &["--latency-msec=30"]),
@@ -289,7 +290,7 @@ const KNOWN: [(&str, &[&str]); 6] = [
     ("ffplay", &["-nodisp", "-autoexit", "-loglevel", "quiet"]),
     ("play", &["-q"]),
 ];
-/// From a player's start to its first sample, about: it opens its device and fills a buffer.
+/// Approximate time from a player's start to its first sample: it opens its device and fills a buffer.
 const START_TIME: Duration = Duration::from_millis(30);
 const REAP_PERIOD: Duration = Duration::from_millis(500);
 

@@ -1,9 +1,9 @@
-//! The walls give the sound back: image sources (Allen and Berkley, 1979).
+//! Early reflections of the room by the image source method (Allen and Berkley, 1979).
 
 use super::RATE_HZ;
 use super::listener::{Ear, SOUND_M_S};
 
-/// Adds what the walls reflect to an ear, twice at the most.
+/// Adds the reflections of up to second order that an ear hears.
 pub(super) fn reverberate(samples: &mut Vec<f32>, ear: Ear) {
     let echoes = echoes(ear);
     let longest = echoes.iter().map(|echo| echo.0).max().unwrap_or(0);
@@ -17,12 +17,13 @@ pub(super) fn reverberate(samples: &mut Vec<f32>, ear: Ear) {
     }
 }
 
-/// Delay in samples after the direct sound, and gain against it, of each image of the table.
+/// Delay in samples after the direct sound, and gain relative to it, of each image of the table's centre.
 fn echoes(ear: Ear) -> Vec<(usize, f32)> {
     let ear = ear.place().to_array();
     let ear_m: [f64; 3] = std::array::from_fn(|axis| TABLE_M[axis] + ear[axis]);
     let image = |cell: i32, size: f64, from: f64, to: f64| {
-        // Images in odd cells are mirrored, those in even ones only shifted.
+        // In the lattice of mirrored rooms, images in odd cells are reflected, those in even ones only
+        // shifted.
         let mirrored = if cell.rem_euclid(2) == 0 {
             from
         } else {
@@ -42,6 +43,7 @@ fn echoes(ear: Ear) -> Vec<(usize, f32)> {
             .map(|(axis, cell)| image(cell, ROOM_M[axis], TABLE_M[axis], ear_m[axis]).powi(2));
         let distance = squared.sum::<f64>().sqrt();
         let delay = (distance - direct) / SOUND_M_S * f64::from(RATE_HZ);
+        // Pressure is inversely proportional to the distance, and reflected once for each wall crossed.
         let gain = REFLECTED.powi(order) * direct / distance;
         echoes.push((delay.round() as usize, gain as f32));
     }
@@ -54,10 +56,10 @@ fn cells() -> impl Iterator<Item = (i32, i32, i32)> {
     all.filter(|(x, y, z)| (1..=REFLECTIONS_MAX).contains(&(x.abs() + y.abs() + z.abs())))
 }
 
-/// The room and the middle of the table, in metres.
+/// Size of the room, and position in it of the table's centre, in metres.
 const ROOM_M: [f64; 3] = [7.0, 5.4, 2.8];
 const TABLE_M: [f64; 3] = [3.3, 2.6, 0.8];
-/// Of the pressure, by walls with carpet and curtains.
+/// Reflection coefficient of pressure, of walls with carpet and curtains.
 const REFLECTED: f64 = 0.5;
 const REFLECTIONS_MAX: i32 = 2;
 

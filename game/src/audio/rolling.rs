@@ -1,7 +1,7 @@
-//! The noise of balls that roll on cloth, and the tone of a quiet room.
+//! Noise of balls that roll on cloth, and the room tone.
 //!
-//! A rolling ball rumbles in proportion to its speed, and the faster the brighter: noise through a
-//! low-pass whose corner rises with the speed, fitted by ear to a phenolic ball on worsted over slate.
+//! A rolling ball is noise through a low-pass filter: its level is proportional to the speed, and its
+//! corner frequency rises with it. Both are fitted by ear to a phenolic ball on worsted over slate.
 
 use carom_billiards::physics::Shot;
 use glam::DVec3;
@@ -9,7 +9,7 @@ use glam::DVec3;
 use super::RATE_HZ;
 use super::listener::Ear;
 
-/// Where balls are, every [`STEP_SECS`] of a shot.
+/// Positions of balls on the table, every [`STEP_SECS`] of a shot.
 pub(super) struct BallPaths {
     steps: Vec<Vec<Option<DVec3>>>,
 }
@@ -28,7 +28,7 @@ impl BallPaths {
         }
     }
 
-    /// Adds what an ear hears of the balls that roll.
+    /// Adds the rolling noise that an ear hears.
     pub(super) fn add_to(&self, samples: &mut Vec<f32>, ear: Ear) {
         let per_step = (STEP_SECS * f64::from(RATE_HZ)) as usize;
         let balls = self.steps.first().map_or(0, Vec::len);
@@ -47,8 +47,8 @@ impl BallPaths {
                 }
                 let corner_hz = CORNER_HZ + CORNER_HZ_PER_M_S * speed_m_s;
                 for out in &mut samples[step * per_step..][..per_step] {
-                    // Smoothed sample by sample: speeds are known every 5 ms, and steps of the level
-                    // would click.
+                    // Smoothed for every sample: speeds are known every 5 ms, and steps of the level would
+                    // click.
                     level += (wanted - level) * LEVEL_SHARE;
                     *out += level * noise.next(corner_hz);
                 }
@@ -57,7 +57,7 @@ impl BallPaths {
     }
 }
 
-/// The tone of a quiet room at one ear, as long as a sound, which it fades in and out with.
+/// Adds the tone of a quiet room at one ear over the whole length of a sound, faded in and out.
 pub(super) fn room_tone(samples: &mut [f32], ear: Ear) {
     let mut noise = Noise::new(u32::MAX - ear as u32);
     let (count, fade) = (samples.len(), FADE_SECS * RATE_HZ as f32);
@@ -67,8 +67,8 @@ pub(super) fn room_tone(samples: &mut [f32], ear: Ear) {
     }
 }
 
-/// White noise of PCG hashes through two low-passes of first order, of about the same loudness whatever
-/// the corner.
+/// White noise from PCG hashes through two first-order low-pass filters, with a level that hardly depends
+/// on the corner frequency.
 struct Noise {
     state: u32,
     low: [f32; 2],
@@ -83,7 +83,7 @@ impl Noise {
     }
 
     fn next(&mut self, corner_hz: f64) -> f32 {
-        // Jarzynski and Olano, "Hash Functions for GPU Rendering", 2020.
+        // PCG hash: Jarzynski and Olano, "Hash Functions for GPU Rendering", 2020.
         self.state = self
             .state
             .wrapping_mul(747_796_405)
@@ -94,22 +94,22 @@ impl Noise {
         let share = (std::f64::consts::TAU * corner_hz / f64::from(RATE_HZ)).min(1.0) as f32;
         self.low[0] += share * (white - self.low[0]);
         self.low[1] += share * (self.low[0] - self.low[1]);
-        // White noise through a low-pass has a power in proportion to its corner; the root takes that
-        // out.
+        // The power of white noise behind a low-pass is proportional to its corner frequency: the square root
+        // normalises the amplitude.
         self.low[1] / share.sqrt()
     }
 }
 
-/// How often places are looked at.
+/// Interval of the sampled positions.
 const STEP_SECS: f64 = 0.005;
-/// Of a ball at 1 m/s from the middle of the table.
+/// Level of a ball at 1 m/s at the centre of the table.
 const LOUDNESS: f32 = 0.004;
 const CORNER_HZ: f64 = 110.0;
 const CORNER_HZ_PER_M_S: f64 = 160.0;
-/// A level is reached within some five milliseconds, so that nothing clicks.
+/// Smoothing of the level for each sample: a time constant of about 4 ms.
 const LEVEL_SHARE: f32 = 0.005;
 const SILENT: f32 = 1e-6;
-/// Some 66 dB below full scale.
+/// Level of the room tone, some 66 dB below full scale.
 const ROOM_TONE: f32 = 8e-4;
 const ROOM_TONE_HZ: f64 = 180.0;
 const FADE_SECS: f32 = 0.3;

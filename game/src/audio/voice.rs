@@ -1,16 +1,16 @@
-//! A sound as a device asks for it: sample by sample, from its moment on, at the device's own rate.
+//! Playing sound, resampled to a device's rate and aligned with its start time.
 
 use std::time::Instant;
 
 use super::{RATE_HZ, Sound};
 
-/// A sound that is being heard, and how far it is.
+/// A sound that is being played, and its position.
 pub(super) struct Voice {
     sound: Sound,
     volume: f32,
-    /// When the first sample is to be heard.
+    /// Time at which the first sample is to be heard.
     at: Instant,
-    /// The sample that comes next, with its part; none before the first buffer.
+    /// Fractional index of the next sample, negative before the start; none before the first buffer.
     next: Option<f64>,
 }
 
@@ -25,12 +25,12 @@ impl Voice {
         }
     }
 
-    /// The next sample of a device with `rate_hz`, whose buffer begins to be heard at `heard_at`: between two of the
-    /// sound's samples by linear interpolation.
+    /// The next sample for a device of `rate_hz` whose present buffer is heard from `heard_at` on, linearly
+    /// interpolated between two of the sound's samples.
     pub(super) fn sample(&mut self, heard_at: Instant, rate_hz: f64) -> [f32; 2] {
         let rate = f64::from(RATE_HZ);
-        // Only once: later buffers follow by counting samples, as clocks of device and system drift
-        // apart.
+        // Only for the first buffer: later positions follow by counting samples, as the clocks of device
+        // and system drift apart.
         let next = self.next.unwrap_or_else(|| {
             let late = heard_at.saturating_duration_since(self.at).as_secs_f64();
             let early = self.at.saturating_duration_since(heard_at).as_secs_f64();
@@ -46,14 +46,15 @@ impl Voice {
         [0, 1].map(|ear| self.volume * (before[ear] + part * (after[ear] - before[ear])))
     }
 
-    /// Whether the last sample was heard.
+    /// Whether the last sample has been returned.
     pub(super) fn is_over(&self) -> bool {
         let played = self.next.unwrap_or(0.0);
         played >= self.sound.samples.len() as f64
     }
 }
 
-/// Left and right on the first two of a device's channels, their mean on a single one, silence on the others.
+/// Value of a device's channel: left and right on the first two, their mean on a single one, silence on
+/// others.
 pub(super) fn channel_value([left, right]: [f32; 2], channel: usize, channels: usize) -> f32 {
     match channel {
         0 if channels == 1 => 0.5 * (left + right),

@@ -1,25 +1,25 @@
-//! The way of a camera that follows a shot.
+//! Path of a camera that follows the balls of a shot.
 
 use carom_billiards::physics::{BallPose, Shot};
 use glam::DVec3;
 
 use super::smoothstep;
 
-/// Where a camera looks that follows the cue ball until it rests, and then the ball that rests last.
+/// Focus of a camera that follows the cue ball until it rests, and then the ball that rests last.
 ///
-/// The whole shot is known, so the way is smoothed over what is still to come: the camera turns
-/// before a cushion does. It is a function of the shot's own time: pictures of the future know where
-/// the camera will be.
+/// The whole shot is known, so the path is smoothed with a centred filter: the camera turns before a
+/// cushion is hit. It is a function of the shot's time alone, so that frames of future moments can be
+/// requested.
 #[derive(Clone, Debug)]
 pub struct FollowCamera {
-    /// Every [`STEP_SECS`] from the stroke on, on the cloth, m.
+    /// Points on the cloth every [`STEP_SECS`] from the stroke on, in m.
     focus: Vec<DVec3>,
     cuts: bool,
 }
 
 impl FollowCamera {
-    /// Follows `shot`; with `cuts` the camera stands still and jumps after a ball that is about to
-    /// leave the middle of the picture.
+    /// The path for `shot`; with `cuts` the camera rests and jumps when the ball leaves the middle of the
+    /// picture.
     pub fn new(shot: &Shot, cuts: bool) -> Self {
         let count = (shot.duration_secs() / STEP_SECS).ceil() as usize + 1;
         let poses: Vec<Vec<BallPose>> = (0..count)
@@ -33,7 +33,7 @@ impl FollowCamera {
         Self { focus, cuts }
     }
 
-    /// What is looked at, at a moment of the shot.
+    /// The focus at a moment of the shot, in m.
     pub fn at(&self, moment_secs: f64) -> DVec3 {
         let last = self.focus.len() - 1;
         let step = (moment_secs / STEP_SECS).clamp(0.0, last as f64);
@@ -43,11 +43,11 @@ impl FollowCamera {
     }
 }
 
-/// The places of the ball that is followed, at each step; from one ball to the other in `turn_steps`.
-/// There is one place at least.
+/// Positions of the followed ball at each step, at least one, with a transition of `turn_steps` from one
+/// ball to the other.
 fn followed(poses: &[Vec<BallPose>], turn_steps: f64) -> Vec<DVec3> {
     let place = |step: usize, ball: usize| poses[step][ball].position.with_z(0.0);
-    // The last step at which it had moved.
+    // The last step in which a ball moved.
     let rests = |ball: usize| {
         let moved = |&step: &usize| {
             poses[step][ball].on_table
@@ -74,8 +74,8 @@ fn followed(poses: &[Vec<BallPose>], turn_steps: f64) -> Vec<DVec3> {
     (0..poses.len()).map(looked_at).collect()
 }
 
-/// The mean over [`SMOOTH_STEPS`] to either side, or as many as there are to both: where the ball rolls
-/// straight it is left as it is.
+/// Moving average over [`SMOOTH_STEPS`] to either side, fewer near the ends. The window is symmetric, so
+/// that motion at constant velocity is not changed.
 fn smoothed(places: &[DVec3]) -> Vec<DVec3> {
     let mean = |step: usize| {
         let reach = SMOOTH_STEPS.min(step).min(places.len() - 1 - step);
@@ -85,7 +85,7 @@ fn smoothed(places: &[DVec3]) -> Vec<DVec3> {
     (0..places.len()).map(mean).collect()
 }
 
-/// Stays until the place is [`LEFT_M`] away.
+/// Holds each position until the next one is more than [`LEFT_M`] away.
 fn stepped(places: &[DVec3]) -> Vec<DVec3> {
     let mut held = places[0];
     let step = |place: &DVec3| {
@@ -98,12 +98,13 @@ fn stepped(places: &[DVec3]) -> Vec<DVec3> {
 }
 
 const STEP_SECS: f64 = 1.0 / 30.0;
-/// Slower than 9 mm/s is rest.
+/// Movement in a step below which a ball rests: 9 mm/s.
 const STILL_M: f64 = 3e-4;
 const SMOOTH_STEPS: usize = 5;
-/// From ball to ball in 0.8 s.
+/// Duration of the transition between balls: 0.8 s.
 const TURN_STEPS: f64 = 24.0;
-/// A ball that is seen from 1.5 m away is then at a third of the picture's half.
+/// Distance of a jump: a ball seen from 1.5 m is then a third of the way from the picture's centre to its
+/// edge.
 const LEFT_M: f64 = 0.4;
 
 #[cfg(test)]

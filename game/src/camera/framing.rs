@@ -1,15 +1,15 @@
-//! The part of the window that panels leave to the picture.
+//! The part of the window that is not covered by panels.
 
 use glam::DVec2;
 
-/// A window and the part of it that panels leave to the picture, in points from the window's top left.
+/// A window and its free part, which panels do not cover, in points from the window's top left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Framing {
-    /// The window's size.
+    /// Size of the window.
     pub film: DVec2,
-    /// The part's top left.
+    /// Top left of the free part.
     pub min: DVec2,
-    /// The part's bottom right.
+    /// Bottom right of the free part.
     pub max: DVec2,
 }
 
@@ -23,12 +23,12 @@ impl Framing {
         }
     }
 
-    /// The part's size; never nothing.
+    /// Size of the free part, at least one point along each axis.
     pub fn size(&self) -> DVec2 {
         (self.max - self.min).max(DVec2::ONE)
     }
 
-    /// From the window's middle to the part's.
+    /// Offset from the window's centre to that of the free part.
     pub fn offset(&self) -> DVec2 {
         0.5 * (self.min + self.max - self.film)
     }

@@ -1,10 +1,10 @@
-//! A camera's map from the world to its film and back.
+//! Projection of world points to a camera's film, and back.
 
 use carom_tracer::Camera;
 use carom_tracer::compiled::CameraBasis;
 use glam::{DVec2, DVec3};
 
-/// A camera's map from the world to its film, for overlays: the inverse of
+/// Perspective projection from the world to a camera's film, for overlays: the inverse of
 /// [`carom_tracer::compiled::camera_frame`].
 #[derive(Clone, Copy, Debug)]
 pub struct Projection {
@@ -14,8 +14,8 @@ pub struct Projection {
 }
 
 impl Projection {
-    /// The film is `width` × `height` in any unit; film positions come out in that unit, from the
-    /// top left.
+    /// The projection of a camera to a film of `width` × `height` in any unit; film positions are in that
+    /// unit, from the top left.
     pub fn new(camera: &Camera, width: f64, height: f64) -> Self {
         let basis = CameraBasis::new(camera);
         Self {
@@ -25,7 +25,7 @@ impl Projection {
         }
     }
 
-    /// Where `p` is seen; nothing if it lies behind the eye or too close to it.
+    /// Film position of `p`; none if it is behind the eye or within `NEAR_M` of its plane.
     pub fn film_from_world(&self, p: DVec3) -> Option<DVec2> {
         let view = p - self.basis.eye;
         let depth = view.dot(self.basis.forward);
@@ -35,11 +35,12 @@ impl Projection {
         })
     }
 
-    /// Where the segment from `a` to `b` is seen, cut off just before the eye.
+    /// Film positions of the ends of the segment from `a` to `b`, clipped in front of the eye; none if
+    /// nothing is left.
     pub fn film_segment(&self, a: DVec3, b: DVec3) -> Option<[DVec2; 2]> {
         let depth = |p: DVec3| (p - self.basis.eye).dot(self.basis.forward);
         let (depth_a, depth_b) = (depth(a), depth(b));
-        // Twice what hides points, so that no rounding hides the end that is cut here.
+        // Twice the near distance of `film_from_world`, so that rounding cannot reject a clipped end.
         let near = 2.0 * NEAR_M;
         if depth_a <= near && depth_b <= near {
             return None;
@@ -54,21 +55,23 @@ impl Projection {
         Some([self.film_from_world(p)?, self.film_from_world(q)?])
     }
 
-    /// How long one metre at `p`, across the view, is on the film.
+    /// Length on the film of one metre at `p` perpendicular to the view; none if `p` is too close or behind.
     pub fn film_per_metre(&self, p: DVec3) -> Option<f64> {
         let depth = (p - self.basis.eye).dot(self.basis.forward);
         (depth > NEAR_M).then(|| self.focal / depth)
     }
 
-    /// Whether a sphere hides a point: it stands before it, or around it.
+    /// Whether a sphere hides a point, being in front of it or containing it.
     pub fn is_hidden(&self, p: DVec3, center: DVec3, radius_m: f64) -> bool {
         let way = p - self.basis.eye;
+        // The point of the line of sight that is nearest to the sphere's centre, not beyond `p`.
         let along = (center - self.basis.eye).dot(way) / way.length_squared();
         let nearest = self.basis.eye + way * along.min(1.0);
         along > 0.0 && nearest.distance_squared(center) < radius_m * radius_m
     }
 
-    /// The point at height `z` metres that is seen at `film`; nothing above the horizon.
+    /// The point at height `z` metres that projects to `film`; none if the line of sight does not meet that
+    /// height.
     pub fn world_from_film(&self, film: DVec2, z: f64) -> Option<DVec3> {
         let offset = (film - 0.5 * self.film) / self.focal;
         let direction = self.basis.forward + self.basis.right * offset.x - self.basis.up * offset.y;

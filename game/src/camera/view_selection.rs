@@ -1,4 +1,4 @@
-//! Selection of the camera's view, and how far it was turned.
+//! Selection of the camera's view, and the player's rotation of it.
 
 use carom_billiards::physics::Table;
 use carom_text::text;
@@ -7,10 +7,10 @@ use glam::DVec3;
 use super::viewpoint::{Orbit, Viewpoint};
 use super::{Framing, wrap_rad};
 
-/// A change of the camera.
+/// Player's command to the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CameraIntent {
-    /// Turn the camera round what it looks at, radians.
+    /// Rotate the camera about its focus, radians.
     Orbit {
         /// To the left.
         yaw_rad: f64,
@@ -21,37 +21,37 @@ pub enum CameraIntent {
     Zoom(f64),
     /// Choose the next view.
     NextView,
-    /// Look from above, or go back behind the cue.
+    /// Toggle between the views from above and behind the cue.
     Overhead,
-    /// Look from here.
+    /// Look from a saved viewpoint.
     LookFrom(Viewpoint),
 }
 
 impl CameraIntent {
-    /// Whether it turns the view that is chosen, rather than choosing another.
+    /// Whether it adjusts the chosen view rather than choosing another.
     pub fn is_adjustment(self) -> bool {
         matches!(self, Self::Orbit { .. } | Self::Zoom(_))
     }
 }
 
-/// A way of looking at the table.
+/// Kind of view of the table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CameraView {
-    /// Over the cue along the aim; during a shot, up and back to the whole table.
+    /// Over the cue along the aim; during a shot the whole table.
     #[default]
     Shooter,
     /// The whole table from above.
     Overhead,
-    /// Where the player has put it.
+    /// A free viewpoint placed by the player.
     Orbit,
-    /// After the cue ball, and then after the ball that still moves.
+    /// Following the cue ball, and then the ball that still moves.
     Follow,
-    /// From behind the pocket that is played to.
+    /// From behind the target pocket.
     Pocket,
 }
 
 impl CameraView {
-    /// All, in the order in which a key goes through them.
+    /// All views, in the order of [`CameraIntent::NextView`].
     pub const ALL: [Self; 5] = [
         Self::Shooter,
         Self::Overhead,
@@ -60,7 +60,7 @@ impl CameraView {
         Self::Pocket,
     ];
 
-    /// For people, to follow "View:".
+    /// Display name, which follows "View:".
     pub fn name(self) -> &'static str {
         match self {
             Self::Shooter => text!("view-shooter"),
@@ -71,7 +71,7 @@ impl CameraView {
         }
     }
 
-    /// The next that `table` has, and after the last the first.
+    /// The next view that `table` has, cyclically.
     fn next(self, table: &Table) -> Self {
         let has = |view: &Self| *view != Self::Pocket || !table.pockets().is_empty();
         let place = Self::ALL.iter().position(|view| *view == self);
@@ -80,39 +80,39 @@ impl CameraView {
     }
 }
 
-/// What a view may depend on.
+/// Input of [`ViewSelection::viewpoint`].
 #[derive(Clone, Copy, Debug)]
 pub struct ViewContext<'a> {
     /// The table.
     pub table: &'a Table,
     /// Centre of the ball that is played or followed, if there is one, metres.
     pub ball: Option<DVec3>,
-    /// Direction of the cue, radians.
+    /// Horizontal direction of the cue, radians.
     pub bearing_rad: f64,
-    /// How far the cue is raised, radians.
+    /// Elevation of the cue, radians.
     pub elevation_rad: f64,
-    /// Index of the pocket that is played to.
+    /// Index of the target pocket.
     pub pocket: Option<usize>,
-    /// Whether the whole table is of interest: during a shot, or while the cue ball is carried.
+    /// Whether the whole table is to be shown: during a shot, or while the cue ball is placed by hand.
     pub is_wide: bool,
-    /// What panels leave of the window.
+    /// Free part of the window.
     pub framing: Framing,
 }
 
-/// The player's choice of views.
+/// The player's choice of view, and rotation of it.
 #[derive(Clone, Copy, Debug)]
 pub struct ViewSelection {
     view: CameraView,
     by: Orbit,
-    /// What [`CameraView::Orbit`] is turned from.
+    /// Viewpoint of [`CameraView::Orbit`] before rotation.
     free: Viewpoint,
 }
 
-/// How many views can be saved.
+/// Largest number of saved views.
 pub const SAVED_MAX: usize = 4;
 
 impl ViewSelection {
-    /// Behind the cue.
+    /// The view behind the cue.
     pub fn new(table: &Table) -> Self {
         Self {
             view: CameraView::Shooter,
@@ -121,12 +121,12 @@ impl ViewSelection {
         }
     }
 
-    /// The view that is chosen.
+    /// The chosen view.
     pub fn view(&self) -> CameraView {
         self.view
     }
 
-    /// Does what the player wants of the camera, which is at `now`.
+    /// Applies a command to the camera, whose present viewpoint is `now`.
     pub fn apply(&mut self, intent: CameraIntent, table: &Table, now: Viewpoint) {
         match intent {
             CameraIntent::Orbit { yaw_rad, pitch_rad } => self.look(yaw_rad, pitch_rad, 1.0),
@@ -140,14 +140,14 @@ impl ViewSelection {
         }
     }
 
-    /// Looks along the cue again.
+    /// Turns the view behind the cue back to the cue's direction.
     pub fn straighten(&mut self) {
         if self.view == CameraView::Shooter {
             self.by.yaw_rad = 0.0;
         }
     }
 
-    /// What is to be seen.
+    /// The viewpoint of the chosen view.
     pub fn viewpoint(&self, sight: &ViewContext<'_>) -> Viewpoint {
         let (table, bearing_rad) = (sight.table, sight.bearing_rad);
         let overview = Viewpoint::overview(table, bearing_rad);
@@ -168,7 +168,7 @@ impl ViewSelection {
             wanted.adjusted(self.by)
         };
         match self.view {
-            // Framed by itself, and as it was seen.
+            // The first includes the framing, the second is taken from a view on screen.
             CameraView::Overhead | CameraView::Orbit => wanted,
             _ => wanted.framed(&sight.framing),
         }

@@ -1,4 +1,4 @@
-//! The camera's views and the player's choice among them.
+//! Viewpoints of the camera and their geometry.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -9,32 +9,33 @@ use glam::{DVec2, DVec3, Vec3};
 use super::{Framing, wrap_rad};
 use crate::scene::scene_builder::FOV_X_DEG;
 
-/// The eye stays below the lamps, whose plane is 1 m above the cloth, but for views from above, which do not show them.
+/// Largest height of the eye: below the lamps, whose plane is 1 m above the cloth. Views from above, which
+/// do not show the lamps, are exempt.
 pub const EYE_Z_M_MAX: f64 = 0.95;
-/// The eye stays above the rails and the balls.
+/// Least height of the eye: above the rails and the balls.
 pub const EYE_Z_M_MIN: f64 = 0.12;
 
-/// Radius of the aperture of replays and videos, in metres: a lens of 50 mm at f/5.6, whose blur of the farthest balls is
-/// about a pixel of a picture 640 wide.
+/// Aperture radius of replays and videos, in metres: that of a 50 mm lens at f/5.6, which blurs the
+/// farthest balls by about a pixel of a picture 640 pixels wide.
 pub const APERTURE_RADIUS_M: f32 = 0.0045;
 
-/// A view as people think of it: what is looked at, from which side, how steeply and how far off.
+/// Camera placement in spherical coordinates about the point that is looked at.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewpoint {
-    /// The point at the picture's centre, metres.
+    /// Point at the picture's centre, metres.
     pub focus: DVec3,
-    /// Compass direction of the view, radians from +x towards +y.
+    /// Horizontal direction of the view, radians from +x towards +y.
     pub bearing_rad: f64,
     /// Downward angle of the view, radians.
     pub pitch_rad: f64,
-    /// From the eye to the focus, metres.
+    /// Distance from the eye to the focus, metres.
     pub distance_m: f64,
     /// Full horizontal field of view, degrees.
     pub fov_x_deg: f64,
 }
 
 impl Viewpoint {
-    /// The view over the cue ball along the aim, from a player's chin.
+    /// The view over the cue ball along the aim, from the height of a player's head.
     pub fn behind(cue_ball: DVec3, bearing_rad: f64) -> Self {
         let ahead = DVec3::new(bearing_rad.cos(), bearing_rad.sin(), 0.0) * AIM_AHEAD_M;
         Self {
@@ -46,13 +47,14 @@ impl Viewpoint {
         }
     }
 
-    /// [`Viewpoint::behind`] a cue that is raised by `elevation_rad`: as much higher as leaves the cue below the lines of
-    /// sight to the cue ball and past it, under the lamps over the ball in the end, and wide enough for the ball
-    /// and what is ahead of it.
+    /// [`Viewpoint::behind`] for a cue that is raised by `elevation_rad`: the eye is raised so far that the
+    /// cue stays below the lines of sight to the cue ball and past it, but not above the lamps, and the
+    /// field of view is widened to keep the ball and what is ahead of it in the picture.
     pub fn over_cue(cue_ball: DVec3, bearing_rad: f64, elevation_rad: f64) -> Self {
         let level = Self::behind(cue_ball, bearing_rad);
         let eye = |pitch_rad: f64| AIM_DISTANCE_M * DVec2::new(pitch_rad.cos(), pitch_rad.sin());
-        // In the cue's plane, from the cue ball back and up; the focus is ahead of the ball.
+        // In the vertical plane of the cue, with x from the cue ball backwards and y upwards; the focus is
+        // ahead of the ball, at a negative x.
         let focus = DVec2::new(-AIM_AHEAD_M, -cue_ball.z);
         let level_rad = (focus + eye(AIM_PITCH_RAD)).to_angle();
         let rise_rad = elevation_rad + CUE_CLEARANCE_RAD;
@@ -61,14 +63,14 @@ impl Viewpoint {
         }
         let up = DVec2::from_angle(rise_rad);
         let along_m = focus.dot(up);
-        // On the line that the cue must stay below, as far from the focus as the level view's eye: the
-        // greater root of |s·up − focus|² = d².
+        // The eye is on the line that the cue must stay below, at the level view's distance d from the
+        // focus: s is the greater root of |s·up − focus|² = d².
         let same_m =
             along_m + (along_m.powi(2) - focus.length_squared() + AIM_DISTANCE_M.powi(2)).sqrt();
         let eye = up * same_m.min((EYE_Z_M_MAX - cue_ball.z) / up.y);
         let ahead_rad = (eye - focus).to_angle();
-        // By how much the angle between the ball and the focus, seen from the eye, exceeds that of the
-        // level view: half of it goes to either side of the picture's middle.
+        // Excess of the angle between the ball and the focus, seen from the eye, over that of the level
+        // view: half of it goes to either side of the picture's centre.
         let spread_rad = (rise_rad - ahead_rad) - (level_rad - AIM_PITCH_RAD);
         let pitch_rad = ahead_rad + 0.5 * spread_rad;
         let eye_z_m = eye.y + cue_ball.z;
@@ -82,7 +84,7 @@ impl Viewpoint {
         }
     }
 
-    /// The whole table, seen along `bearing_rad`: from farther off where the table is wider.
+    /// The whole table, seen along `bearing_rad`, from a greater distance where the table is wider.
     pub fn overview(table: &Table, bearing_rad: f64) -> Self {
         let distance_m = (3.4 + 0.8 * bearing_rad.sin().abs()) * scale(table);
         Self {
@@ -94,8 +96,9 @@ impl Viewpoint {
         }
     }
 
-    /// The plan of the table to scale, filling what panels leave of the window: from straight above, and so far off that
-    /// balls are round. [`crate::scene::scene_builder::below_lamp`] leaves the lamp out.
+    /// The table from straight above, to scale and filling the free part of the window, from so far that
+    /// perspective hardly distorts the balls. [`crate::scene::scene_builder::below_lamp`] leaves the lamp
+    /// out.
     pub fn overhead(table: &Table, framing: &Framing) -> Self {
         let (low, high) = table.outline();
         let reach = high - low + 2.0 * PLAN_RIM_M;
@@ -103,7 +106,7 @@ impl Viewpoint {
         let offset_m = framing.offset() / points_per_m;
         let half_width_m = 0.5 * framing.film.x / points_per_m;
         Self {
-            // The window's middle shows what lies as far from the table's as the free part does.
+            // Shifted so that the table's centre appears at the centre of the free part.
             focus: DVec3::new(-offset_m.x, offset_m.y, 0.0),
             bearing_rad: FRAC_PI_2,
             pitch_rad: PLAN_PITCH_RAD,
@@ -112,19 +115,22 @@ impl Viewpoint {
         }
     }
 
-    /// The same from the same place, in the part of the window that panels leave: turned up or down, and
-    /// wider by as much.
+    /// This view from the same eye, fitted to the height of the free part of the window: turned up or down,
+    /// with a wider field of view.
     #[must_use]
     pub fn framed(self, framing: &Framing) -> Self {
         if *framing == Framing::whole(framing.film) {
             return self;
         }
+        // The free part shows the vertical extent of the original view, so the whole film shows 1/share of
+        // it. Its centre is `offset` points off the film's: an angle whose tangent is
+        // 2·half_width·offset/width.
         let share = framing.size().y / framing.film.y;
         let half_width = (0.5 * self.fov_x_deg).to_radians().tan() / share;
         let turned_rad = (2.0 * half_width * framing.offset().y / framing.film.x).atan();
         let pitch_rad = (self.pitch_rad - turned_rad).max(PITCH_RAD_MIN);
         let eye_z_m = self.distance_m * self.pitch_rad.sin();
-        // The eye stays where it is: the focus goes to where the turned axis meets the cloth.
+        // The eye does not move: the focus moves to where the turned axis meets the cloth.
         let ahead_m = eye_z_m / pitch_rad.tan() - self.distance_m * self.pitch_rad.cos();
         let ahead = DVec3::new(self.bearing_rad.cos(), self.bearing_rad.sin(), 0.0);
         Self {
@@ -136,7 +142,7 @@ impl Viewpoint {
         }
     }
 
-    /// From beside a ball that is followed.
+    /// The view of a followed ball from the side.
     pub fn beside(ball: DVec3, bearing_rad: f64) -> Self {
         Self {
             focus: ball.with_z(0.0),
@@ -147,7 +153,7 @@ impl Viewpoint {
         }
     }
 
-    /// From behind a pocket over the table: what it sees coming.
+    /// The view from behind a pocket over the table.
     pub fn from_pocket(pocket: &Pocket) -> Self {
         let focus = (pocket.center + 0.5 * pocket.mouth).extend(0.0);
         let (away_m, above_m) = (1.25, 0.4f64);
@@ -160,16 +166,16 @@ impl Viewpoint {
         }
     }
 
-    /// This view, orbited and zoomed by the player; the eye stays in the room and above the rails, and no higher
-    /// than the lamps unless it was.
+    /// This view, orbited and zoomed by the player. The eye stays in the room and above the rails, and
+    /// below the lamps unless it was above them.
     #[must_use]
     pub fn adjusted(self, by: Orbit) -> Self {
         let distance_m = (self.distance_m * by.zoom).clamp(0.5, self.distance_m.max(REACH_M));
         let top_m = EYE_Z_M_MAX.max(self.distance_m * self.pitch_rad.sin());
         let pitch = |z: f64| (z / distance_m).clamp(-1.0, 1.0).asin();
         let highest_rad = pitch(top_m).min(self.pitch_rad.max(PITCH_RAD_MAX));
-        // From farther off than the room reaches the view is steeper: the eye is d·cos of the pitch away,
-        // seen from above.
+        // The eye's horizontal distance is d·cos(pitch): for it to stay within the room's reach, distant
+        // views must be steeper.
         let lowest_rad = pitch(EYE_Z_M_MIN).max((REACH_M / distance_m).min(1.0).acos());
         Self {
             bearing_rad: self.bearing_rad + by.yaw_rad,
@@ -180,10 +186,10 @@ impl Viewpoint {
         }
     }
 
-    /// The view a share `s` in [0, 1] of the way to `to`, turning the shorter way round.
+    /// Interpolation to `to` by a share `s` from 0 to 1, turning by the shorter angle.
     #[must_use]
     pub fn lerp(self, to: Self, s: f64) -> Self {
-        // Exactly, without rounding: whether the camera still moves is told by equality.
+        // Exactly `to`, without rounding: callers test by equality whether the camera still moves.
         if s >= 1.0 {
             return to;
         }
@@ -212,8 +218,8 @@ impl Viewpoint {
         }
     }
 
-    /// Glides towards `wanted` for `dt_secs`, covering 63 % of what is left in `TIME_SECS`, the same way whatever the
-    /// display's rate, and then rests exactly there, so that a still picture can be told from a moving one.
+    /// Approaches `wanted` exponentially for `dt_secs` with the time constant `TIME_SECS`, independently
+    /// of the display's rate, and finally rests exactly there, so that a picture at rest can be recognised.
     pub fn follow(&mut self, wanted: Self, dt_secs: f64) {
         *self = self.lerp(wanted, 1.0 - (-dt_secs.max(0.0) / TIME_SECS).exp());
         if self.is_close_to(wanted) {
@@ -230,7 +236,7 @@ impl Viewpoint {
     }
 }
 
-/// What the player has turned and zoomed away from a view.
+/// The player's rotation and zoom relative to a view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
     /// Added to the bearing, radians.
@@ -251,31 +257,31 @@ impl Default for Orbit {
     }
 }
 
-/// How much larger than a nine-foot table's.
+/// Size relative to a nine-foot table.
 fn scale(table: &Table) -> f64 {
     (table.length_m() / 2.54).max(table.width_m() / 1.27)
 }
 
-/// From an eye to what is below its view's middle, at the most: less than to the walls.
+/// Largest horizontal distance from the eye to the focus, less than that to the walls.
 const REACH_M: f64 = 4.5;
 const AIM_AHEAD_M: f64 = 0.71;
-/// An eye 27 cm over the cloth and 92 cm behind the ball: a player's who is down on the shot, with the far end of the room
-/// above the rack.
+/// An eye 27 cm above the cloth and 92 cm behind the ball, that of a player bent over the shot, which shows
+/// the far end of the room above the rack.
 const AIM_PITCH_RAD: f64 = 0.1614;
 const AIM_DISTANCE_M: f64 = 1.651;
 const AIM_FOV_X_DEG: f64 = 40.0;
-/// From a cue up to the line from its ball to the eye: 10 cm at the eye.
+/// Angle at the cue ball between the cue and the line to the eye: 10 cm at the eye.
 const CUE_CLEARANCE_RAD: f64 = 0.1;
-/// Of a view that shows more than the level one from top to bottom, of its width.
+/// Widening of the horizontal field of view over the excess vertical angle of a raised view.
 const WIDENED: f64 = 1.3;
 const BESIDE_RAD: f64 = 0.6;
-/// A view that panels turn up still meets the cloth.
+/// Least pitch of a view that panels turn up, at which its axis still meets the cloth.
 const PITCH_RAD_MIN: f64 = 0.06;
 const PITCH_RAD_MAX: f64 = 1.4;
-/// Straight down but for a hair: the camera's upward direction is the z axis.
+/// Slightly less than straight down, as the camera's up vector is the z axis.
 const PLAN_PITCH_RAD: f64 = FRAC_PI_2 - 3e-4;
 const PLAN_EYE_Z_M: f64 = 10.0;
-/// Of the rails, so that pockets are seen whole.
+/// Width of the margin around the table's outline.
 const PLAN_RIM_M: f64 = 0.1;
 const TIME_SECS: f64 = 0.12;
 

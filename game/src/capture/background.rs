@@ -1,4 +1,4 @@
-//! Files that are rendered beside the game: their progress, and the sentence at their end.
+//! Files that are rendered in the background: progress, and the message at the end.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -7,13 +7,13 @@ use std::thread;
 
 use carom_farm::Canceller;
 
-/// A place for one file in the making.
+/// Slot for at most one file that is being rendered.
 #[derive(Debug, Default)]
 pub struct CaptureSlot {
     current: Option<Capture>,
 }
 
-/// A file in the making. Dropped, it is cancelled and leaves nothing.
+/// A file that is being rendered. Dropping it cancels it.
 #[derive(Debug)]
 struct Capture {
     canceller: Canceller,
@@ -21,20 +21,20 @@ struct Capture {
     outcome: Receiver<anyhow::Result<String>>,
 }
 
-/// How much of a file is rendered, in percent: written by the render, read by the window.
+/// Rendered share of a file in percent: written by the render, read by the window.
 #[derive(Clone, Debug, Default)]
 pub struct CaptureProgress(Arc<AtomicU32>);
 
 impl CaptureProgress {
-    /// Notes a share from 0 to 1.
+    /// Sets the share, from 0 to 1.
     pub fn set(&self, share: f64) {
         self.0.store((100.0 * share) as u32, Ordering::Relaxed);
     }
 }
 
 impl CaptureSlot {
-    /// Begins a file, in place of one that is being made: `finish` waits for the render on a thread,
-    /// writes the file and returns what the player is to be told.
+    /// Begins a file and cancels a previous one. `finish` runs on a thread: it waits for the render, writes
+    /// the file and returns the message for the player.
     ///
     /// # Errors
     /// [`crate::Error::CaptureThread`].
@@ -47,7 +47,7 @@ impl CaptureSlot {
         let (sender, outcome) = channel();
         thread::Builder::new()
             .name("capture".to_owned())
-            // Nobody waits any more once the receiver is gone.
+            // The receiver is gone if the file was cancelled.
             .spawn(move || drop(sender.send(finish())))
             .map_err(crate::Error::CaptureThread)?;
         self.current = Some(Capture {
@@ -58,7 +58,7 @@ impl CaptureSlot {
         Ok(())
     }
 
-    /// What came of the file, once it is finished or has failed.
+    /// The result of the file once it is finished or has failed: the message for the player.
     pub fn poll(&mut self) -> Option<anyhow::Result<String>> {
         let outcome = match self.current.as_ref()?.outcome.try_recv() {
             Ok(outcome) => outcome,
@@ -69,12 +69,12 @@ impl CaptureSlot {
         Some(outcome)
     }
 
-    /// Gives the file up.
+    /// Cancels the file.
     pub fn cancel(&mut self) {
         self.current = None;
     }
 
-    /// How much of the file is rendered, if one is being made.
+    /// Rendered share of the file in percent, if there is one.
     pub fn percent(&self) -> Option<u32> {
         let CaptureProgress(percent) = &self.current.as_ref()?.progress;
         Some(percent.load(Ordering::Relaxed))

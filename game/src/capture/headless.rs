@@ -1,4 +1,4 @@
-//! Carom without a window: a shot through the farm into files.
+//! Rendering without a window: a shot is traced by the farm and written to files.
 //!
 //! ```text
 //! rack, stroke ─┐
@@ -32,17 +32,17 @@ use crate::scene::scene_builder::EXPOSURE;
 use crate::scene::table_scene::TableScene;
 use crate::scene::table_style::TableStyle;
 
-/// What `stats.json` holds.
+/// Contents of `stats.json`.
 #[derive(Debug, Serialize)]
 struct HeadlessReport {
     settings: ReportSettings,
     nodes: Vec<ReportNode>,
-    /// Those that this run traced.
+    /// The frames that this run traced.
     frames: Vec<FrameReport>,
     totals: ReportTotals,
 }
 
-/// How the frames were asked for.
+/// Settings of the frames.
 #[derive(Clone, Copy, Debug, Serialize)]
 struct ReportSettings {
     width: u32,
@@ -55,7 +55,7 @@ struct ReportSettings {
     frames_per_sec: u16,
 }
 
-/// A node as the farm saw it at the end.
+/// A node's status at the end.
 #[derive(Debug, Serialize)]
 struct ReportNode {
     address: String,
@@ -66,19 +66,19 @@ struct ReportNode {
     lost: Option<String>,
 }
 
-/// One frame.
+/// Statistics of one frame.
 #[derive(Debug, Serialize)]
 struct FrameReport {
     index: u32,
-    /// Of the shots on show.
+    /// Index of its shot in the sequence.
     shot: usize,
-    /// The moment of the shot, seconds since the stroke.
+    /// Moment of the shot, seconds since the stroke.
     moment_secs: f64,
     #[serde(flatten)]
     stats: FrameStats,
 }
 
-/// All frames together.
+/// Totals over all frames.
 #[derive(Debug, Default, Serialize)]
 struct ReportTotals {
     wall_secs: f64,
@@ -93,8 +93,8 @@ struct ReportTotals {
 /// Renders the shot that `args` describe: a recorded one, or a break.
 ///
 /// # Errors
-/// A sentence: a folder that cannot be written or holds an unfinished film of another kind, a farm
-/// that cannot be built or does not answer, an interruption and how to go on.
+/// If the folder cannot be written or holds an unfinished film of another kind, if the farm cannot be built
+/// or does not answer, or on an interruption; the message then says how to continue.
 pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
     let footage = footage(args)?.sized(size(args));
     let settings = settings(args, &footage);
@@ -129,7 +129,7 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What was made, and where it is.
+/// Message about the finished output and its path.
 fn done(settings: ReportSettings, target: &VideoTarget, has_animation: bool) -> String {
     let ReportSettings {
         width,
@@ -235,7 +235,7 @@ fn break_shot(table: &Table, seed: u32, engine: Engine) -> anyhow::Result<Shot> 
     Ok(world.strike(Stroke::straight(0.0, CUE_SPEED_M_S_MAX))?)
 }
 
-/// Traces the frames that are not there yet.
+/// Traces the missing frames.
 fn make(
     config: FarmConfig,
     footage: &ShotSequence,
@@ -253,7 +253,7 @@ fn make(
         .range(range.unwrap_or(FrameRange::ALL))
         .on_progress(move |FilmProgress { frame, .. }| {
             if let Some(frame) = frame.clone() {
-                // Nobody listens any more once the film has been given up.
+                // The receiver is gone once the film has been given up.
                 let _ = sender.send(frame);
             }
         });
@@ -270,7 +270,7 @@ fn make(
     let is_worth_going_on = reached > before.frames_done || interrupted.load(Ordering::Relaxed);
     let kept = kept.map_err(|error| match is_worth_going_on {
         true => anyhow::Error::from(error).context(going_on(reached, before.frames, &folder)),
-        // The same command ends the same way where it had not begun to render.
+        // Without progress, the same command would fail in the same way: no hint to continue.
         false => error.into(),
     })?;
     let frames = frame_reports(footage, &finished);
@@ -283,7 +283,7 @@ fn make(
     Ok((kept, report))
 }
 
-/// Waits for the film with a progress bar, and tells how many frames are kept.
+/// Waits for the film with a progress bar, and returns it with the number of frames on disk.
 fn wait(job: FilmJob, interrupted: &AtomicBool) -> (carom_farm::Result<FilmFrames>, u32) {
     let bar = progress_bar(job.progress().frames);
     bar.set_position(job.resumed_frames().into());
@@ -351,9 +351,8 @@ fn node(status: NodeStatus) -> ReportNode {
     }
 }
 
-/// Finds out before anything is traced whether the file that is wanted can be written, and claims the
-/// report of a folder, in which files of others are not replaced; jobs that trace a part of a film
-/// write neither.
+/// Checks before tracing whether the output file can be written, and claims the report of a folder, in
+/// which files of other origin are not replaced. Jobs that trace a part of a film write neither.
 fn claim(
     target: &VideoTarget,
     film: &VideoTarget,
@@ -367,7 +366,7 @@ fn claim(
         claimed.with_context(|| format!("cannot write {}", path.display()))
     };
     let VideoTarget::Folder(folder) = target else {
-        // Not held: jobs that trace other parts put the film together too.
+        // The claim is released at once, as jobs that trace other parts also assemble the film.
         return claim(target.path()).map(|_| None);
     };
     fs::create_dir_all(folder).with_context(|| format!("cannot write {}", folder.display()))?;
@@ -399,7 +398,7 @@ fn progress_bar(frames: u32) -> ProgressBar {
     ProgressBar::new(u64::from(frames)).with_style(style)
 }
 
-/// Of a break, where no number is given.
+/// Default number of frames of a break.
 const FRAMES: u32 = 48;
-/// How often the progress bar and Ctrl-C are looked after.
+/// Interval at which the progress bar is updated and Ctrl-C checked.
 const REFRESH_INTERVAL: Duration = Duration::from_millis(50);

@@ -1,4 +1,4 @@
-//! Files and looks back: recordings, replays, screenshots, videos, rendering without a window.
+//! Recordings, replays, screenshots, videos, and rendering without a window.
 
 pub mod background;
 pub mod headless;

@@ -1,4 +1,4 @@
-//! Recordings as files in one folder.
+//! Recordings as files in a folder.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -9,14 +9,14 @@ use carom_farm::WholeFile;
 
 use crate::{Error, Result};
 
-/// What a file is, by its name.
+/// Kind of a recording, which its file's name tells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RecordingKind {
     /// One shot.
     Shot,
     /// The shots of a match.
     Match,
-    /// Balls to play from.
+    /// A layout of balls to play from.
     Layout,
 }
 
@@ -30,12 +30,12 @@ impl RecordingKind {
     }
 }
 
-/// A recording as a file.
+/// File of a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SavedRecording {
-    /// Without its ending.
+    /// Its name without the ending.
     pub name: String,
-    /// Where it lies.
+    /// Its path.
     pub path: PathBuf,
 }
 
@@ -46,20 +46,20 @@ pub struct RecordingStore {
 }
 
 impl RecordingStore {
-    /// In a folder, which is made when something is first put there.
+    /// A store in a folder, which is created when the first file is saved.
     pub fn at(folder: PathBuf) -> Self {
         Self { folder }
     }
 
-    /// Where it is.
+    /// Path of the folder.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// What lies there, by name; of more than a thousand files only some.
+    /// The recordings in the folder, sorted by name, at most a thousand. A missing folder is empty.
     ///
     /// # Errors
-    /// [`Error::Folder`] if it cannot be read; one that is not there is empty.
+    /// [`Error::Folder`] if it cannot be read.
     pub fn list(&self) -> Result<Vec<SavedRecording>> {
         let entries = match fs::read_dir(&self.folder) {
             Ok(entries) => entries,
@@ -79,10 +79,10 @@ impl RecordingStore {
         Ok(kept)
     }
 
-    /// Puts a recording there under the next free name, and says where.
+    /// Saves a recording under the next free name, and returns its path.
     ///
     /// # Errors
-    /// The folder or the file cannot be written.
+    /// If the folder or the file cannot be written.
     pub fn save(&self, kind: RecordingKind, recording: &Recording) -> Result<PathBuf> {
         let path = next_path(&self.folder, kind.stem(), &[ENDING])?;
         recording.save(&path)?;
@@ -90,11 +90,11 @@ impl RecordingStore {
     }
 }
 
-/// The first of `stem_0001.ending` and so on that is not there with any of the endings, with the first of them, in a folder that
-/// is made if there is none.
+/// The first path of `stem_0001.ending` and so on whose number is free with all of the endings, with the
+/// first of these. The folder is created if it is missing.
 ///
 /// # Errors
-/// [`Error::FolderFull`] if all are there, [`Error::Unwritable`].
+/// [`Error::FolderFull`] if all numbers are in use, [`Error::Unwritable`].
 pub(crate) fn next_path(folder: &Path, stem: &str, endings: &[&str]) -> Result<PathBuf> {
     let unwritable = |path: &Path, source| Error::Unwritable {
         path: path.to_owned(),
@@ -114,7 +114,7 @@ pub(crate) fn next_path(folder: &Path, stem: &str, endings: &[&str]) -> Result<P
 }
 
 const ENDING: &str = "carom";
-/// More than anyone would pick from.
+/// Largest number of recordings listed.
 const KEPT_MAX: usize = 1000;
 const NUMBER_MAX: u32 = 9999;
 

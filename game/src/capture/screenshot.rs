@@ -1,5 +1,5 @@
-//! Screenshots: what the window shows in full quality, traced by the game's farm where the window leaves
-//! it time, and written as PNG and EXR by a thread.
+//! Screenshots: the window's view in full quality, traced by the game's farm in the background and written
+//! as PNG and EXR by a thread.
 
 use std::path::{Path, PathBuf};
 
@@ -12,11 +12,11 @@ use crate::capture::next_path;
 use crate::scene::scene_builder::EXPOSURE;
 use crate::{Error, Result};
 
-/// Begins a screenshot of `scene` after `update` that will lie in `folder`, as `still_0001.png` and,
-/// with layers of albedo, normal and depth, `still_0001.exr`.
+/// Begins a screenshot of `scene` as specified, to be written to `folder` as `still_0001.png` and, with
+/// layers of albedo, normal and depth, `still_0001.exr`.
 ///
 /// # Errors
-/// [`crate::Error::Unwritable`], [`crate::Error::Farm`] if the farm does not take it,
+/// [`crate::Error::Unwritable`], [`crate::Error::Farm`] if the farm refuses it,
 /// [`crate::Error::CaptureThread`].
 pub fn begin(
     slot: &mut CaptureSlot,
@@ -40,7 +40,7 @@ pub fn begin(
     })
 }
 
-/// The picture of a screenshot of `size` after `update`.
+/// Specification of a screenshot of `size` after `update`.
 pub fn frame_spec(update: SceneUpdate, size: ImageSize, max_depth: u32) -> FrameSpec {
     FrameSpec {
         update,
@@ -70,7 +70,7 @@ fn write(picture: &Picture, folder: &Path) -> Result<PathBuf> {
 const NAME: &str = "still";
 const ENDINGS: [&str; 2] = ["png", "exr"];
 
-/// Noise is then a sixteenth of one path's: grain that is hardly seen.
+/// Samples per pixel: noise is then 1/16 of that of one sample, hardly visible.
 const SAMPLES: u32 = 256;
 
 #[cfg(test)]

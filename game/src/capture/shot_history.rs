@@ -1,4 +1,4 @@
-//! The shots played since the program began, for replays of a table without rules.
+//! History of the shots played since the program started, for replays on the free table.
 
 use carom_billiards::physics::{Clip, Shot};
 
@@ -10,7 +10,7 @@ use super::timeline_events;
 #[derive(Clone, Debug, Default)]
 pub struct ShotHistory {
     clips: Vec<Clip>,
-    /// The number of the last shot.
+    /// Number of the last recorded shot.
     last: u64,
 }
 
@@ -36,7 +36,7 @@ impl ShotHistory {
     }
 }
 
-/// "Shot 3: the cue strikes at 2.1 m/s, the 5 is potted".
+/// Title of a shot, such as "Shot 3: the cue strikes at 2.1 m/s, the 5 is potted".
 pub fn shot_title(number: u64, shot: &Shot) -> String {
     let events = timeline_events(shot).into_iter();
     let rare = events.filter(|event| !event.is_contact);
@@ -47,7 +47,7 @@ pub fn shot_title(number: u64, shot: &Shot) -> String {
     text!("shot-title", number = number, events = words.join(", "))
 }
 
-/// A long evening; older shots are forgotten.
+/// Largest number of shots kept; older ones are dropped.
 const SHOTS_MAX: usize = 500;
-/// A break has too many events for a title.
+/// Largest number of events in a title.
 const TITLE_EVENTS_MAX: usize = 6;

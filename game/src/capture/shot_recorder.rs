@@ -1,4 +1,4 @@
-//! The recorder of `--record`: every shot as a file of its own.
+//! Recorder of `--record`, which saves every shot as a file.
 
 use std::fs;
 use std::path::PathBuf;
@@ -10,19 +10,19 @@ use carom_text::text;
 
 use super::recordings::{RecordingKind, RecordingStore};
 
-/// A folder that shots are recorded in.
+/// Recorder of shots to a folder.
 #[derive(Debug)]
 pub struct ShotRecorder {
     store: RecordingStore,
-    /// The number of the last shot.
+    /// Number of the last recorded shot.
     last: u64,
 }
 
 impl ShotRecorder {
-    /// Records in a folder, which is made if there is none.
+    /// A recorder to a folder, which is created if it is missing.
     ///
     /// # Errors
-    /// A sentence if the folder cannot be made.
+    /// If the folder cannot be created.
     pub fn new(folder: PathBuf) -> anyhow::Result<Self> {
         fs::create_dir_all(&folder)
             .with_context(|| format!("cannot make the folder {}", folder.display()))?;
@@ -30,7 +30,7 @@ impl ShotRecorder {
         Ok(Self { store, last: 0 })
     }
 
-    /// Records a shot, each number once, under the next free name.
+    /// Saves a shot under the next free name, each number once.
     pub fn record(&mut self, number: u64, shot: &Shot, table: &Table) {
         if number <= self.last {
             return;

@@ -1,21 +1,21 @@
-//! Timeline of a shot: its contacts in words.
+//! Timeline of a shot: its events in words.
 
 use carom_billiards::physics::{EventKind, Shot};
 
 use carom_text::text;
 
-/// Something that happened.
+/// Event of a shot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimelineEvent {
     /// Seconds since the stroke.
     pub secs: f64,
-    /// For people: "the cue ball hits the 5".
+    /// Description, such as "the cue ball hits the 5".
     pub words: String,
-    /// Whether two balls or a ball and a cushion meet, of which there are many.
+    /// Whether it is a contact of two balls or of a ball and a cushion, of which there are many.
     pub is_contact: bool,
 }
 
-/// The contacts of a shot, in the order of time.
+/// The notable events of a shot, in the order of time.
 pub fn timeline_events(shot: &Shot) -> Vec<TimelineEvent> {
     let moment = |event: &carom_billiards::physics::Event| {
         words(&event.kind).map(|words| TimelineEvent {
@@ -30,7 +30,7 @@ pub fn timeline_events(shot: &Shot) -> Vec<TimelineEvent> {
     shot.events().iter().filter_map(moment).collect()
 }
 
-/// None for what cannot be seen at a glance.
+/// Description of an event; none for bounces, rolling and rest.
 fn words(kind: &EventKind) -> Option<String> {
     Some(match *kind {
         EventKind::Strike { speed_m_s } => {

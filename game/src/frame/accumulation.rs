@@ -1,5 +1,5 @@
 //! Accumulation of sample batches into the picture on show: summed in linear light and tone-mapped, on
-//! a thread of its own, for a full-size picture takes as long as several frames of the window.
+//! a thread of its own, as that takes as long as several frames of the window for a full-size picture.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
@@ -11,20 +11,20 @@ use carom_tracer::tonemap::srgb8;
 
 use crate::scene::scene_builder::EXPOSURE;
 
-/// A picture of all batches so far.
+/// Picture of all batches so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AccumulatedFrame {
-    /// Which picture.
+    /// Identifier of the picture.
     pub series: u64,
-    /// Pixels across and down.
+    /// Width and height in pixels.
     pub size: ImageSize,
-    /// sRGB and 255, row-major from the top left.
+    /// sRGB with an alpha of 255, row-major from the top left.
     pub rgba: Vec<[u8; 4]>,
-    /// Samples of each pixel, of all batches.
+    /// Samples per pixel of all batches.
     pub samples: u32,
 }
 
-/// Sums one picture's batches; a batch of another picture begins anew.
+/// Sum of one picture's batches; a batch of another picture starts a new sum.
 #[derive(Debug, Default)]
 pub struct Accumulator {
     film: Option<(u64, Film)>,
@@ -59,7 +59,7 @@ impl Accumulator {
     }
 }
 
-/// An [`Accumulator`] on its own thread, which ends with this handle.
+/// Handle to an [`Accumulator`] on its own thread, which ends when the handle is dropped.
 #[derive(Debug)]
 pub struct AccumulationThread {
     batches: Sender<(u64, SampleBatch)>,
@@ -70,7 +70,7 @@ impl AccumulationThread {
     /// Starts the thread.
     ///
     /// # Errors
-    /// The system's reason.
+    /// If the system cannot start it.
     pub fn open() -> std::io::Result<Self> {
         let (batches, inbox) = channel();
         let (outbox, frames) = channel();
@@ -80,14 +80,14 @@ impl AccumulationThread {
         Ok(Self { batches, frames })
     }
 
-    /// Hands over a batch of the picture `series`, which comes later.
+    /// Sends a batch of the picture `series` to the thread; [`Self::poll`] returns the result later.
     pub fn submit(&self, series: u64, batch: SampleBatch) {
         if self.batches.send((series, batch)).is_err() {
             tracing::error!("the thread that accumulates pictures has ended");
         }
     }
 
-    /// A picture that is ready.
+    /// The next finished picture, if there is one.
     pub fn poll(&self) -> Option<AccumulatedFrame> {
         self.frames.try_recv().ok()
     }
@@ -96,7 +96,7 @@ impl AccumulationThread {
 fn run(inbox: &Receiver<(u64, SampleBatch)>, outbox: &Sender<AccumulatedFrame>) {
     let mut accumulator = Accumulator::default();
     while let Ok(first) = inbox.recv() {
-        // Batches that came meanwhile share one frame: tone mapping is the slow part.
+        // Batches that have queued up share one frame, as tone mapping is the slow part.
         for (series, batch) in std::iter::once(first).chain(inbox.try_iter()) {
             if let Err(error) = accumulator.add(series, &batch) {
                 tracing::error!("a batch of samples is left out: {error}");

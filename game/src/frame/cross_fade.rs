@@ -3,23 +3,23 @@
 use carom_tracer::ImageSize;
 use carom_window::display::DisplayFrame;
 
-/// Blends the picture that was on the screen into the one that replaces it, so that the change of resolution and noise when
-/// the view comes to rest is no jump.
+/// Blends the picture that was on screen into the one that replaces it, so that the change of resolution
+/// and noise is smooth when the view comes to rest.
 ///
-/// Costs 1 ns of processor time a pixel and redraw while it lasts, and nothing else.
+/// Costs 1 ns of CPU time a pixel and redraw while it lasts, and nothing otherwise.
 #[derive(Debug, Default)]
 pub struct CrossFade {
     fade: Option<Fade>,
-    /// Blends made, ever.
+    /// Number of blends so far.
     count: u64,
 }
 
 #[derive(Debug)]
 struct Fade {
-    /// The old picture, as large as the new one.
+    /// Pixels of the old picture, resized to the new one.
     before: Vec<[u8; 4]>,
     began_secs: f64,
-    /// What is on show now.
+    /// The picture on show.
     blended: DisplayFrame,
 }
 
@@ -39,7 +39,8 @@ impl CrossFade {
         });
     }
 
-    /// Blends what is on show at `now_secs` with `after`, the newest picture; a fade to another view ends.
+    /// Computes the blend with `after`, the newest picture, at `now_secs`; the fade ends when its time is
+    /// over or `after` shows another view.
     pub fn advance(&mut self, now_secs: f64, after: &DisplayFrame) {
         let Some(fade) = &mut self.fade else {
             return;
@@ -53,7 +54,7 @@ impl CrossFade {
             self.fade = None;
             return;
         }
-        // Eight bits: 255 · 256 just fits 16, and the loop is compiled to vectors of them.
+        // A weight of 8 bits: 255 · 256 fits u16, so that the loop vectorises over 16-bit lanes.
         let weight = (share * 256.0) as u16;
         let pixels = blended.rgba.iter_mut().zip(&fade.before).zip(&after.rgba);
         for ((to, from), after) in pixels {
@@ -66,13 +67,13 @@ impl CrossFade {
         blended.serial = SERIALS_FIRST + self.count;
     }
 
-    /// What is on show while a fade lasts.
+    /// The blended picture while a fade lasts.
     pub fn blended(&self) -> Option<&DisplayFrame> {
         self.fade.as_ref().map(|fade| &fade.blended)
     }
 }
 
-/// A picture's pixels at another size, interpolated as the window interpolates them.
+/// A picture's pixels at another size, by bilinear interpolation as in the window.
 fn resized(picture: &DisplayFrame, to: ImageSize) -> Vec<[u8; 4]> {
     let from = picture.size;
     let columns: Vec<(usize, usize, f32)> = (0..to.width)
@@ -99,7 +100,8 @@ fn resized(picture: &DisplayFrame, to: ImageSize) -> Vec<[u8; 4]> {
     rows.collect()
 }
 
-/// The two pixels of `from` beside the middle of pixel `at` of `to`, and the share of the second.
+/// The two pixels of a row of `from` around the centre of pixel `at` of a row of `to`, and the weight of
+/// the second.
 fn taps(at: u32, to: u32, from: u32) -> (usize, usize, f32) {
     let place = (at as f32 + 0.5) * from as f32 / to as f32 - 0.5;
     let place = place.clamp(0.0, from as f32 - 1.0);
@@ -107,9 +109,9 @@ fn taps(at: u32, to: u32, from: u32) -> (usize, usize, f32) {
     (first, (first + 1).min(from as usize - 1), place.fract())
 }
 
-/// Long enough that the eye sees no step, short enough that the sharp picture is not waited for.
+/// Duration of a fade in seconds: long enough to hide the step, short enough not to delay the sharp picture.
 const FADE_SECS: f64 = 0.15;
-/// Blended pictures are numbered from here: neither traced nor reprojected ones get so far.
+/// First serial number of blended pictures, beyond those of traced and reprojected ones.
 const SERIALS_FIRST: u64 = 3 << 62;
 
 #[cfg(test)]

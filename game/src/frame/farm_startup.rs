@@ -1,4 +1,4 @@
-//! The farm from its start in the background to its failure.
+//! Life cycle of the window's farm: start in the background, operation, failure.
 
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
@@ -8,18 +8,18 @@ use carom_farm::{Farm, FarmConfig, NodeStatus};
 use carom_text::text;
 use carom_tracer::Scene;
 
-/// The farm. It starts beside the window: looking for a GPU takes a second.
+/// State of the farm. It starts on a thread beside the window, as opening a GPU takes about a second.
 pub enum FarmState {
-    /// On its way.
+    /// It is starting.
     Starting {
-        /// Gives the farm.
+        /// Receives the farm.
         receiver: Receiver<Result<Farm, carom_farm::Error>>,
-        /// A scene that was set since it started.
+        /// Scene that was set meanwhile.
         scene: Option<Box<Scene>>,
     },
-    /// It traces.
+    /// It is running.
     Ready(Box<Farm>),
-    /// It has ended, and why.
+    /// It has failed, with the reason.
     Failed(String),
 }
 
@@ -29,7 +29,7 @@ impl FarmState {
         let (sender, receiver) = channel();
         let start = move || {
             let farm = Farm::new(config).and_then(|mut farm| farm.set_scene(&scene).map(|()| farm));
-            // Nobody waits for a farm any more once the window is closed.
+            // The receiver is gone once the window is closed.
             let _ = sender.send(farm);
         };
         match thread::Builder::new()
@@ -44,7 +44,7 @@ impl FarmState {
         }
     }
 
-    /// The farm, once it has started and unless it has failed.
+    /// Checks whether the farm has started, and returns it if it is ready.
     pub fn poll(&mut self) -> Option<&mut Farm> {
         if let Self::Starting { receiver, scene } = self {
             let started = match receiver.try_recv() {
@@ -73,7 +73,7 @@ impl FarmState {
         }
     }
 
-    /// Traces another scene from now on.
+    /// Switches to another scene, at once or when the farm has started.
     ///
     /// # Errors
     /// Those of [`Farm::set_scene`].
@@ -86,7 +86,7 @@ impl FarmState {
         Ok(())
     }
 
-    /// Ends the farm.
+    /// Drops the farm and records the reason.
     pub fn fail(&mut self, why: String) {
         tracing::error!("the farm: {why}");
         *self = Self::Failed(why);
@@ -102,7 +102,8 @@ impl FarmState {
 }
 
 impl Drop for FarmState {
-    /// A GPU's driver must not be set up in a process that is exiting meanwhile.
+    /// Waits for a farm that is still starting: a process must not exit while a thread initialises a GPU
+    /// driver.
     fn drop(&mut self) {
         if let Self::Starting { receiver, .. } = self {
             let _ = receiver.recv_timeout(START_SECS_MAX);
@@ -110,5 +111,5 @@ impl Drop for FarmState {
     }
 }
 
-/// How long the farm may take to start when the window is closed; a GPU needs 0.1 to 1.2 s.
+/// Longest wait for a starting farm when the window is closed; a GPU takes 0.1 to 1.2 s.
 const START_SECS_MAX: Duration = Duration::from_secs(3);

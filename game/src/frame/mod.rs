@@ -1,4 +1,4 @@
-//! Frames of the farm on their way to the window: scheduling, accumulation, reprojection, cross-fade.
+//! Path of frames from the farm to the window: scheduling, accumulation, reprojection, cross-fade.
 
 pub mod accumulation;
 pub mod cross_fade;

@@ -1,7 +1,8 @@
-//! The picture that the window shows until the farm has traced one: the free table before its first stroke.
+//! Stored picture of the free table before its first stroke, which the window shows until the farm has
+//! traced one.
 //!
-//! It is a frame like others, so it is reprojected to the balls and the camera of the moment.
-//! `assets/README.md` says how it was made.
+//! It is reprojected to the present balls and camera as any other frame. `assets/README.md` says how it was
+//! made.
 
 use anyhow::Context as _;
 use carom_tracer::{ImageSize, SceneUpdate};
@@ -14,21 +15,21 @@ use crate::play::free_table;
 use crate::scene::export::{SceneView, opening_update};
 use crate::scene::table_scene::TableScene;
 
-/// A picture and what it was taken of.
+/// Stored picture with the scene that it shows.
 pub struct OpeningStill {
-    /// Pixels across and down.
+    /// Width and height in pixels.
     pub size: ImageSize,
-    /// sRGB and 255, row-major from the top left.
+    /// sRGB with an alpha of 255, row-major from the top left.
     pub rgba: Vec<[u8; 4]>,
-    /// Camera and poses, as updates of the room that it is shown in.
+    /// Camera and poses of the picture, as an update of the present room.
     pub update: SceneUpdate,
 }
 
 impl OpeningStill {
-    /// The picture for a room; none if its table has another size.
+    /// The picture for a room; none if the table has another size.
     ///
     /// # Errors
-    /// A picture that cannot be decoded: a test decodes it.
+    /// If the built-in picture cannot be decoded, which a test excludes.
     pub fn of(room: &TableScene) -> anyhow::Result<Option<Self>> {
         let table = TableScene::table();
         let is_same = |size: fn(&carom_billiards::physics::Table) -> f64| {
@@ -52,7 +53,7 @@ impl OpeningStill {
 }
 
 const JPEG: &[u8] = include_bytes!("../../../assets/pictures/opening_still.jpg");
-/// Of the rack in the picture.
+/// Seed of the rack in the picture.
 const SEED: u32 = 1;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The frame pipeline between farm and window, one method for each of its steps.
+//! Frame pipeline between farm and window, with one method for each step.
 //!
 //! ```text
 //! request ─▶ Farm ─▶ poll_farm ─┬─────────────────▶ choose ─▶ reproject, fade ─▶ displayed
@@ -16,7 +16,7 @@ use crate::frame::farm_startup::FarmState;
 use crate::frame::reprojection::Reprojector;
 use crate::frame::scheduler::{FrameScheduler, SchedulerAction, ViewTarget};
 
-/// Farm, scheduler, accumulation and reprojection of one window.
+/// Farm, scheduler, accumulation and reprojection of a window.
 pub struct FramePipeline {
     farm: FarmState,
     scheduler: FrameScheduler,
@@ -24,33 +24,34 @@ pub struct FramePipeline {
     reprojector: Reprojector,
     cross_fade: CrossFade,
     in_flight_max: usize,
-    /// Frames that the farm has finished.
+    /// Number of frames that the farm has finished.
     finished: u64,
-    /// Serial number of the frame that was drawn last, and whether it is of a moving view.
+    /// Serial number of the frame that was drawn last (before reprojection), and whether it is of a moving
+    /// view.
     drawn: u64,
     is_drawn_moving: bool,
 }
 
-/// A frame that has come from the farm, for statistics.
+/// Statistics of a frame that the farm has finished.
 #[derive(Debug)]
 pub struct FinishedFrame {
-    /// Counted from 1.
+    /// Its number, counted from 1.
     pub number: u64,
-    /// Its size.
+    /// Its size in pixels.
     pub size: ImageSize,
     /// Samples per pixel.
     pub samples: u32,
-    /// The farm's figures of it.
+    /// The farm's statistics of it.
     pub stats: carom_farm::FrameStats,
-    /// The nodes after it.
+    /// Status of the nodes after it.
     pub nodes: Vec<NodeStatus>,
 }
 
 impl FramePipeline {
-    /// Starts the farm of `config` with `scene`, whose paths end at `max_depth`.
+    /// Starts the farm of `config` with `scene` and a maximum path depth of `max_depth`.
     ///
     /// # Errors
-    /// A scene that cannot be traced, or the system's reason for giving no thread.
+    /// If the scene is invalid, or a thread cannot be started.
     pub fn new(config: FarmConfig, scene: &Scene, max_depth: u32) -> anyhow::Result<Self> {
         let in_flight_max = config.frames_in_flight;
         Ok(Self {
@@ -66,10 +67,10 @@ impl FramePipeline {
         })
     }
 
-    /// Traces another scene from now on, whose paths end at `max_depth`.
+    /// Switches to another scene and maximum path depth, and cancels the frames in flight.
     ///
     /// # Errors
-    /// A scene that cannot be traced.
+    /// If the scene is invalid.
     pub fn set_scene(&mut self, scene: &Scene, max_depth: u32) -> anyhow::Result<()> {
         self.reprojector = Reprojector::new(scene)?;
         self.scheduler.set_max_depth(max_depth);
@@ -78,7 +79,8 @@ impl FramePipeline {
         Ok(())
     }
 
-    /// Takes in the frames that the farm has finished; each is passed to `record` if there is one.
+    /// Processes the frames that the farm has finished, and passes the statistics of each to `record` if it
+    /// is given.
     pub fn poll_farm(&mut self, mut record: Option<&mut dyn FnMut(FinishedFrame)>) {
         let Some(farm) = self.farm.poll() else {
             return;
@@ -100,14 +102,14 @@ impl FramePipeline {
         }
     }
 
-    /// Takes in the frames that the accumulation thread has merged.
+    /// Processes the frames that the accumulation thread has merged.
     pub fn accumulate(&mut self) {
         while let Some(frame) = self.accumulation.poll() {
             self.scheduler.accumulated(frame);
         }
     }
 
-    /// Chooses the frame for this moment; late tiles of it are filled from the one before.
+    /// Chooses the frame to show now; its late tiles are filled from the one before.
     pub fn choose(&mut self) {
         let reprojector = &mut self.reprojector;
         let fill = &mut |frame: &mut _, missing: &_, before: &_| {
@@ -116,8 +118,8 @@ impl FramePipeline {
         self.scheduler.present_due(fill);
     }
 
-    /// Blends the chosen frame of a moving view with those before it and moves it to the present view; fades in the first
-    /// one of a view at rest.
+    /// Blends the chosen frame of a moving view with earlier ones and reprojects it to the present view;
+    /// fades in the first one of a view at rest.
     pub fn reproject(&mut self, now_secs: f64, now: &SceneUpdate) {
         let replaced = self.scheduler.take_replaced();
         let moving = self.scheduler.shown_moving();
@@ -130,31 +132,33 @@ impl FramePipeline {
         let Some(frame) = self.scheduler.shown() else {
             return;
         };
+        // Fades only from a picture that was on screen, and only if it looks different: a draft of a moving
+        // view, or a picture of another size.
         if let Some(replaced) = &replaced
             && replaced.serial == self.drawn
             && (self.is_drawn_moving || replaced.size != frame.size)
         {
             let before = self.reprojector.reprojected(replaced);
-            // From what was on the screen, moved as it was, not from the picture as traced: else the fade
+            // Fades from the reprojected picture that was on screen rather than from the traced one, which
             // would begin with a jump.
             self.cross_fade.begin(now_secs, before, frame);
         }
-        // Noted before it is moved: a moved picture has a serial number of its own.
+        // Recorded before reprojection, as a reprojected picture has a serial number of its own.
         self.drawn = frame.serial;
         self.is_drawn_moving = is_moving;
         let frame = self.reprojector.reproject_to(frame, now);
         self.cross_fade.advance(now_secs, frame);
     }
 
-    /// The frame to draw: the chosen one as the last [`FramePipeline::reproject`] has left it.
+    /// The frame to draw: the result of the last [`FramePipeline::reproject`].
     pub fn displayed(&self) -> Option<&DisplayFrame> {
         let frame = self.scheduler.shown()?;
         let blended = self.cross_fade.blended();
         Some(blended.unwrap_or_else(|| self.reprojector.reprojected(frame)))
     }
 
-    /// Requests frames of `target` until the farm has enough to do. `scene_at` gives the scene at a
-    /// moment of the shot that is on.
+    /// Requests frames of `target` until the farm has enough to do. `scene_at` returns the scene at a
+    /// moment of the present shot.
     pub fn request(
         &mut self,
         now_secs: f64,
@@ -187,7 +191,7 @@ impl FramePipeline {
         }
     }
 
-    /// Drops every frame of the window that is in flight.
+    /// Cancels all frames of the window that are in flight.
     pub fn cancel_all(&mut self) {
         if let Some(farm) = self.farm.ready() {
             let frames = self.scheduler.cancel_all().into_iter();
@@ -195,13 +199,13 @@ impl FramePipeline {
         }
     }
 
-    /// Whether another frame was chosen since the last one was drawn, or that one is not yet faded in.
+    /// Whether another frame was chosen since the last one was drawn, or a fade is in progress.
     pub fn has_new_frame(&self) -> bool {
         let chosen = self.scheduler.shown().map_or(0, |frame| frame.serial);
         chosen != self.drawn || self.cross_fade.blended().is_some()
     }
 
-    /// Whether no frame will come without another request.
+    /// Whether no further frame will arrive without a new request.
     pub fn is_at_rest(&self) -> bool {
         match &self.farm {
             FarmState::Starting { .. } => false,
@@ -227,12 +231,12 @@ impl FramePipeline {
         &self.scheduler
     }
 
-    /// The scheduler, to change what it holds to.
+    /// The scheduler, to change its settings.
     pub fn scheduler_mut(&mut self) -> &mut FrameScheduler {
         &mut self.scheduler
     }
 
-    /// The share of the drawn frame that the chosen one did not hold, if it was moved.
+    /// Share of the drawn frame's pixels that were disoccluded in the chosen one, if it was reprojected.
     pub fn disocclusion_fraction(&self) -> Option<f64> {
         self.reprojector.disocclusion_fraction()
     }

@@ -1,5 +1,8 @@
-//! Reprojection: of the frames before onto a new one, whose noise their mean takes away, and of the newest frame to the present:
-//! between pictures, and while one is still on its way, camera and balls move on by [`carom_tracer::reproject`].
+//! Reprojection for temporal accumulation and for latency hiding, by [`carom_tracer::reproject`].
+//!
+//! Earlier frames are reprojected onto a new one to reduce its noise; the newest frame is reprojected to
+//! the present camera and balls, so that the picture moves at the display's rate between frames of the
+//! farm.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, channel};
@@ -11,29 +14,30 @@ use carom_tracer::{CompiledScene, ImageSize, Scene, SceneUpdate, Tile};
 use carom_window::display::DisplayFrame;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// Accumulates and moves pictures. Costs [`NEW_PIXEL_NANOS`], [`ACCUMULATED_PIXEL_NANOS`] and [`MOVED_PIXEL_NANOS`] of
-/// processor time, on all threads, and no more than the first two while the newest picture is of the present.
+/// Accumulates and reprojects pictures on a thread pool of its own. The cost in CPU time a pixel is
+/// [`NEW_PIXEL_NANOS`] and [`ACCUMULATED_PIXEL_NANOS`] for a new picture, and [`MOVED_PIXEL_NANOS`] for
+/// each reprojection, of which there is none while the newest picture shows the present.
 #[derive(Debug)]
 pub struct Reprojector {
     scene: CompiledScene,
     /// Views of pictures that are still being traced, the newest first.
     expected: VecDeque<ExpectedView>,
-    /// What the picture of that serial number was taken of.
+    /// Serial number of the newest picture seen, and its view.
     from: Option<(u64, View)>,
-    /// A view that is not needed any more, for its memory.
+    /// An unused view, whose buffers are reused.
     spare: Option<View>,
-    /// The last view that a picture was moved to, for its memory.
+    /// The last view that a picture was reprojected to, whose buffers are reused.
     to: Option<View>,
     moved: Option<ReprojectedFrame>,
     accumulation: TemporalAccumulation,
     /// The serial number of the picture that was accumulated last.
     accumulated: Option<u64>,
     count: u64,
-    /// Apart from those of the tracer, whose work is waited for longer than a frame is shown.
+    /// A pool apart from the tracer's, whose tasks take longer than a frame is shown.
     threads: ThreadPool,
 }
 
-/// What a picture will show, found while it is traced.
+/// View of a requested picture (its first hits), computed while the farm traces it.
 #[derive(Debug)]
 struct ExpectedView {
     update: SceneUpdate,
@@ -43,17 +47,17 @@ struct ExpectedView {
 
 #[derive(Debug)]
 struct ReprojectedFrame {
-    /// The serial number of the picture that was moved.
+    /// Serial number of the picture that was reprojected.
     of: u64,
     picture: DisplayFrame,
     disocclusion_fraction: f64,
 }
 
 impl Reprojector {
-    /// For pictures of `scene`.
+    /// A reprojector for pictures of `scene`.
     ///
     /// # Errors
-    /// The first rule that the scene breaks, or the system's reason for giving no threads.
+    /// If the scene is invalid, or threads cannot be started.
     pub fn new(scene: &Scene) -> anyhow::Result<Self> {
         let threads = ThreadPoolBuilder::new().thread_name(|_| "reprojection".into());
         Ok(Self {
@@ -70,18 +74,20 @@ impl Reprojector {
         })
     }
 
-    /// Begins to find what a picture of `size` after `update` will show, so that it can be moved as soon as it is there.
+    /// Begins to compute the view of a requested picture of `size` after `update`, so that it can be
+    /// reprojected as soon as it arrives.
     pub fn expect(&mut self, update: &SceneUpdate, size: ImageSize) {
         let update = bodies(update);
         let (sender, found) = channel();
         let (mut scene, of, earlier) = (self.scene.clone(), update.clone(), self.spare.take());
         self.threads.spawn(move || {
             if scene.apply(&of).is_ok() {
-                // Nobody waits for a picture that was given up.
+                // The receiver is gone if the picture was given up.
                 _ = sender.send(view(&scene, size, earlier));
             }
         });
-        // The oldest is of a picture that was given up, or will be looked at anew when it comes.
+        // The oldest is probably of a cancelled picture; otherwise its view is computed again when it
+        // arrives.
         self.expected.truncate(EXPECTED_MAX - 1);
         self.expected.push_front(ExpectedView {
             update,
@@ -90,18 +96,19 @@ impl Reprojector {
         });
     }
 
-    /// What `picture` shows, if that was asked for.
+    /// The view of `picture`, if it was expected.
     fn expected(&mut self, picture: &DisplayFrame) -> Option<View> {
         let update = bodies(&picture.update);
         let is_of = |view: &ExpectedView| (view.size, &view.update) == (picture.size, &update);
         let place = self.expected.iter().position(is_of)?;
-        // May wait, but for work that began when the picture was asked for, and that has to be done now
-        // in any case.
+        // May wait, but only for work that began when the picture was requested and that is needed now
+        // anyway.
         self.expected.remove(place)?.view.recv().ok()
     }
 
-    /// Blends `picture`, of a moving view, with those before it, or with the one `at_rest` that it replaces. Large pictures are
-    /// left as they are where the threads cannot take that in time. Whether `picture` has been accumulated.
+    /// Blends `picture`, of a moving view, with the history of those before it, or with the picture
+    /// `at_rest` that it replaces. Returns whether it has been accumulated: not if it is too large for the
+    /// threads to do so in time, or does not fit the scene.
     pub fn accumulate(
         &mut self,
         picture: &mut DisplayFrame,
@@ -121,9 +128,11 @@ impl Reprojector {
             return false;
         };
         let accumulation = &mut self.accumulation;
-        // The history belongs to the picture accumulated last; to reproject it from another view would
-        // smear it.
+        // The history is in the view of the picture accumulated last; reprojecting it from another view
+        // would smear it.
         let is_accumulated = earlier.as_ref().map(|(of, _)| *of) == self.accumulated;
+        // Continues the history; or begins one with the converged picture at rest, which counts as many
+        // frames; or begins one with this picture alone.
         self.threads.install(|| match &earlier {
             Some((_, earlier)) if is_accumulated => {
                 accumulation.accumulate(earlier, view, &mut picture.rgba);
@@ -139,7 +148,7 @@ impl Reprojector {
         true
     }
 
-    /// Finds what `picture` shows, unless that is known.
+    /// Sets `from` to the view of `picture`, computing it unless it is known or expected.
     fn look_at(&mut self, picture: &DisplayFrame) {
         let is_known = |(of, _): &(u64, View)| *of == picture.serial;
         if self.from.as_ref().is_some_and(is_known) {
@@ -156,7 +165,7 @@ impl Reprojector {
         self.from = found.map(|view| (picture.serial, view));
     }
 
-    /// `picture` as the scene looks after `now`; itself if it was taken of that, or if either
+    /// `picture` reprojected to the scene after `now`; `picture` itself if it shows that, or if either
     /// does not fit the scene.
     pub fn reproject_to<'a>(
         &'a mut self,
@@ -178,15 +187,15 @@ impl Reprojector {
         self.reprojected(picture)
     }
 
-    /// `picture` as the last [`Reprojector::reproject_to`] has left it.
+    /// The last result of [`Reprojector::reproject_to`] for `picture`, or `picture` itself.
     pub fn reprojected<'a>(&'a self, picture: &'a DisplayFrame) -> &'a DisplayFrame {
         let moved = self.moved.as_ref();
         let moved = moved.filter(|moved| moved.of == picture.serial);
         moved.map_or(picture, |moved| &moved.picture)
     }
 
-    /// Puts what the picture `before` shows into the `missing` tiles of `picture`, moved to where it
-    /// is now; leaves them if either does not fit the scene.
+    /// Fills the `missing` tiles of `picture` from the picture `before`, reprojected to the view of
+    /// `picture`; leaves them if either does not fit the scene.
     pub fn fill(&mut self, picture: &mut DisplayFrame, missing: &[Tile], before: &DisplayFrame) {
         let Some(moved) = self.moved(before, &picture.update, Vec::new()) else {
             return;
@@ -204,17 +213,18 @@ impl Reprojector {
         }
     }
 
-    /// The share of the picture on show that the newest one did not hold, if it had to be moved.
+    /// Share of the pixels on show that were disoccluded in the newest picture, if that had to be
+    /// reprojected.
     pub fn disocclusion_fraction(&self) -> Option<f64> {
         self.moved.as_ref().map(|moved| moved.disocclusion_fraction)
     }
 
-    /// Pictures moved, ever.
+    /// Number of pictures reprojected so far.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// `picture` moved to `now`, in whatever `memory` there is.
+    /// `picture` reprojected to `now`, with pixels in the buffer `memory`.
     fn moved(
         &mut self,
         picture: &DisplayFrame,
@@ -248,7 +258,7 @@ impl Reprojector {
     }
 }
 
-/// What `scene` looks like in `size`, in the memory of an earlier view.
+/// The view of `scene` in `size`, in the buffers of an earlier view if there is one.
 fn view(scene: &CompiledScene, size: ImageSize, earlier: Option<View>) -> View {
     let Some(mut view) = earlier else {
         return View::new(scene, size);
@@ -257,7 +267,7 @@ fn view(scene: &CompiledScene, size: ImageSize, earlier: Option<View>) -> View {
     view
 }
 
-/// An update without its particles: they stay where they were on what is behind them.
+/// An update without its particles: they are reprojected with the surfaces behind them.
 fn bodies(update: &SceneUpdate) -> SceneUpdate {
     SceneUpdate {
         camera: update.camera,
@@ -266,10 +276,11 @@ fn bodies(update: &SceneUpdate) -> SceneUpdate {
     }
 }
 
-/// The size in which a picture is moved: its own where the threads can take that in time. What moves fast needs no more.
+/// The size of a reprojected picture: its own if the threads can reproject that in time, a smaller one of
+/// the same shape otherwise, as fast motion needs less detail.
 fn moved_size(size: ImageSize, threads: usize) -> ImageSize {
-    // A budget of time becomes one of pixels: a large window moves coarser pictures rather than late
-    // ones.
+    // The time budget, less the cost of the new picture, as a number of pixels: in a large window, pictures
+    // become coarser rather than late.
     let left_nanos = threads as f64 * MOVE_NANOS - size.pixels() as f64 * NEW_PIXEL_NANOS;
     let pixels = (left_nanos / MOVED_PIXEL_NANOS).max(PIXELS_MIN as f64);
     let share = (pixels / size.pixels().max(1) as f64).sqrt().min(1.0);
@@ -277,20 +288,21 @@ fn moved_size(size: ImageSize, threads: usize) -> ImageSize {
     ImageSize::new(edge(size.width), edge(size.height))
 }
 
-/// Views that are held for pictures on their way.
+/// Largest number of views kept for requested pictures.
 const EXPECTED_MAX: usize = 3;
-/// What a new picture and its first move may take of each thread.
+/// Time budget of each thread for a new picture and its first reprojection, in ns.
 const MOVE_NANOS: f64 = 4e6;
-/// Time of a thread a pixel of a new picture, and a pixel of a moved one, with all threads of 16 busy: the example
-/// `reprojection_speed` of `carom-tracer`.
+/// Thread time for a pixel of a new picture and for a pixel of a reprojected one, in ns, with all of 16
+/// threads busy: measured by the example `reprojection_speed` of `carom-tracer`.
 const NEW_PIXEL_NANOS: f64 = 20.0;
 const MOVED_PIXEL_NANOS: f64 = 50.0;
-/// Time of a thread to accumulate a pixel, by the same example, and what a picture may take of each thread.
+/// Thread time to accumulate a pixel, by the same example, and the time budget of each thread for a
+/// picture, in ns.
 const ACCUMULATED_PIXEL_NANOS: f64 = 60.0;
 const ACCUMULATE_NANOS: f64 = 4.5e6;
-/// 640 × 360, however long that takes.
+/// Least number of pixels of a reprojected picture, however long that takes.
 const PIXELS_MIN: usize = 640 * 360;
-/// Reprojected frames are numbered from here: traced ones never get so far.
+/// First serial number of reprojected frames, beyond those of traced ones.
 const SERIALS_FIRST: u64 = 1 << 63;
 
 #[cfg(test)]

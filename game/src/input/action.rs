@@ -1,6 +1,6 @@
-//! The actions of the game, each with its name and what it is bound to at first; `en.ftl` says what each does.
+//! The actions of the game, with their names and default bindings; `en.ftl` has their descriptions.
 //!
-//! Settings, the help, the legend of keys and the table in README.md are made from [`ACTIONS`].
+//! Settings, the help, the legend of keys and the table in README.md are generated from [`ACTIONS`].
 
 use carom_text::text;
 
@@ -9,7 +9,7 @@ use super::intent::{
 };
 use crate::camera::CameraIntent;
 
-/// Something that a key, a button or the wheel can be bound to.
+/// Function of the game that a key, a button, the wheel or a gamepad's control can be bound to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[expect(missing_docs, reason = "each is described in a row of ACTIONS")]
 pub enum Action {
@@ -40,7 +40,7 @@ pub enum Action {
     ZoomOut,
     NextView,
     Overhead,
-    /// By its place among [`crate::camera::SAVED_MAX`].
+    /// Recalls a saved view, by index below [`crate::camera::SAVED_MAX`].
     SavedView(u8),
     KeepView(u8),
     Rack,
@@ -66,60 +66,60 @@ pub enum Action {
     ReplayEventNext,
     ReplayShotBefore,
     ReplayShotNext,
-    /// By its place among [`ReplayControl::RATES`].
+    /// Sets a rate, by index in [`ReplayControl::RATES`].
     ReplaySpeed(u8),
 }
 
-/// What is on show, which decides whose keys count.
+/// Context in which bindings apply.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum BindingContext {
     /// The table.
     #[default]
     Table,
-    /// A shot of before: its own keys, and those of the table that it has no other use for.
+    /// A replay: its own bindings, and those of the table whose triggers it does not use.
     Replay,
 }
 
-/// A row of the action map.
+/// Row of the action map.
 #[derive(Clone, Copy, Debug)]
 pub struct ActionSpec {
-    /// What is done.
+    /// The action.
     pub action: Action,
-    /// The name in the settings file.
+    /// Its name in the settings file.
     pub name: &'static str,
-    /// The heading it stands under.
+    /// Its heading.
     pub group: Group,
-    /// Labels of the triggers it is bound to at first, those of a gamepad last; the cross and A of a gamepad serve
-    /// replays too.
+    /// Labels of its default triggers, those of a gamepad last. The directional pad and A of a gamepad are
+    /// bound in replays too.
     pub defaults: &'static [&'static str],
 }
 
-/// A heading of the help.
+/// Heading of the help.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
-    /// Where the cue points.
+    /// Direction of the cue.
     Aim,
-    /// The blow.
+    /// The stroke.
     Stroke,
-    /// Where the tip meets the ball, and how steep the cue is.
+    /// Contact point of the tip on the ball, and elevation of the cue.
     Spin,
     /// The camera.
     View,
     /// The game and the program.
     Game,
-    /// Shots of before, while one is on show.
+    /// Replays.
     Replay,
 }
 
 impl ActionSpec {
-    /// What it does, for people.
+    /// Description of the action in the interface's language.
     pub fn does(&self) -> &'static str {
         text!(&format!("control-{}", self.name))
     }
 }
 
 impl Group {
-    /// All, in the order of the help.
+    /// All headings, in the order of the help.
     pub const ALL: [Self; 6] = [
         Self::Aim,
         Self::Stroke,
@@ -129,7 +129,7 @@ impl Group {
         Self::Replay,
     ];
 
-    /// For people.
+    /// Title of the heading.
     pub fn title(self) -> &'static str {
         text!(match self {
             Self::Aim => "controls-aim",
@@ -148,7 +148,7 @@ impl Group {
 }
 
 impl Action {
-    /// Its row.
+    /// Its row of [`ACTIONS`].
     pub fn control(self) -> &'static ActionSpec {
         let mut rows = ACTIONS.iter();
         // A test checks that every action has a row.
@@ -161,7 +161,7 @@ impl Action {
         Some(row.action)
     }
 
-    /// Where its keys count.
+    /// The context of its bindings.
     pub fn mode(self) -> BindingContext {
         match self.control().group {
             Group::Replay => BindingContext::Replay,
@@ -169,7 +169,7 @@ impl Action {
         }
     }
 
-    /// Whether it lasts as long as its trigger is held: then it cannot be bound to the wheel.
+    /// Whether it lasts as long as its trigger is held, so that it cannot be bound to the wheel.
     pub fn is_held(self) -> bool {
         matches!(
             self,
@@ -177,9 +177,8 @@ impl Action {
         )
     }
 
-    /// What a press means, or a notch of the wheel, or a repetition of a key held down: `steps` of
-    /// them, a tenth when the player wants fine ones. Nothing for actions that are held or that need
-    /// the pointer.
+    /// The intent of `steps` presses, notches of the wheel or key repetitions; a step is scaled by 0.1 in
+    /// fine mode. None for actions that are held or need the pointer.
     pub(crate) fn intent(self, steps: f64) -> Option<Intent> {
         let tip = |x: f64, y: f64| {
             Intent::Aim(AimIntent::MoveTip(
@@ -218,7 +217,7 @@ impl Action {
             Self::Stats => Intent::App(AppIntent::ToggleStats),
             Self::Fullscreen => Intent::App(AppIntent::ToggleFullscreen),
             Self::Menu => Intent::App(AppIntent::Escape),
-            // What is held has no intent of its own: a test knows all others.
+            // Held actions have no intent here; a test checks that all others do.
             _ => {
                 let control = |control| Intent::Replay(ReplayIntent::Control(control));
                 let of_replay = self.replay_control(steps).map(control);
@@ -261,7 +260,7 @@ impl Action {
         })
     }
 
-    /// Whether holding its key down does it again and again.
+    /// Whether it repeats while its key is held.
     pub(super) fn repeats(self) -> bool {
         matches!(
             self,
@@ -303,7 +302,7 @@ const fn row(
     }
 }
 
-/// The action map. Turning the aim with the mouse needs no binding.
+/// The action map. Turning the aim with the mouse has no binding.
 #[rustfmt::skip]
 pub const ACTIONS: &[ActionSpec] = &[
     row(Group::Aim, Action::AimLeft, "aim-left", &["Left", "Left stick left"]),
@@ -370,14 +369,14 @@ pub const ACTIONS: &[ActionSpec] = &[
 ];
 
 const AIM_STEP_RAD: f64 = std::f64::consts::PI / 180.0;
-/// Two degrees and a half.
+/// Step of the elevation: 2.5°.
 const ELEVATION_STEP_RAD: f64 = 0.043_633;
 const POWER_STEP: f64 = 0.05;
 const PITCH_STEP_RAD: f64 = 0.04;
 const YAW_STEP_RAD: f64 = 0.05;
 const TIP_STEP_RADII: f64 = 0.05;
 const ZOOM_STEP: f64 = 1.1;
-/// A key's way through the time of a replay.
+/// Time of a replay that a key press skips.
 const SKIP_SECS: f64 = 0.1;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Bindings of keys, buttons and the wheel to actions.
+//! Bindings of keys, mouse buttons, the wheel and gamepad controls to actions.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -9,7 +9,7 @@ use carom_text::text;
 use super::key::{TWICE, WHEEL};
 use super::{ACTIONS, Action, BindingContext, Button, GamepadControl, Key};
 
-/// What an action can be bound to.
+/// Control that an action can be bound to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Trigger {
     /// A key.
@@ -24,7 +24,7 @@ pub enum Trigger {
     WheelDown,
 }
 
-/// A word that names no trigger.
+/// Error for a label that names no trigger.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}", text!("keys-unknown", word = _0))]
 pub struct UnknownTrigger(pub String);
@@ -66,16 +66,16 @@ impl FromStr for Trigger {
     }
 }
 
-/// The triggers of every action. In a mode a trigger does one thing: binding it elsewhere takes it away.
+/// The triggers of all actions. In each context a trigger is bound to at most one action.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Bindings {
     actions: BTreeMap<(BindingContext, Trigger), Action>,
 }
 
-/// Why a trigger cannot be bound to an action.
+/// Reason why a trigger cannot be bound to an action.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BindingError {
-    /// Somebody else has it.
+    /// It is bound to another action.
     #[error("{}", text!(
         "keys-taken",
         key = trigger.to_string(),
@@ -83,21 +83,21 @@ pub enum BindingError {
         name = by.control().name,
     ))]
     Taken {
-        /// What was to be bound.
+        /// The trigger.
         trigger: Trigger,
-        /// What it does already.
+        /// The action that it is bound to.
         by: Action,
     },
-    /// A wheel that is turned is not held.
+    /// The trigger is the wheel, which cannot be held.
     #[error("{}", text!(
         "keys-not-held",
         key = trigger.to_string(),
         name = action.control().name,
     ))]
     NotHeld {
-        /// What was to be bound.
+        /// The trigger.
         trigger: Trigger,
-        /// What needs to be held.
+        /// The action, which must be held.
         action: Action,
     },
 }
@@ -106,7 +106,7 @@ impl Default for Bindings {
     fn default() -> Self {
         let mut actions = BTreeMap::new();
         for control in ACTIONS {
-            // A test checks that every default is a trigger, and of one action.
+            // A test checks that every default is a valid trigger, and of only one action.
             let labels = control.defaults.iter();
             let triggers = labels.filter_map(|label| label.parse().ok());
             let mode = control.action.mode();
@@ -117,14 +117,14 @@ impl Default for Bindings {
 }
 
 impl Bindings {
-    /// No trigger does anything.
+    /// Bindings without any trigger.
     pub fn none() -> Self {
         Self {
             actions: BTreeMap::new(),
         }
     }
 
-    /// Binds a trigger that is free, or bound to `action` already.
+    /// Binds a trigger that is unused or already bound to `action`.
     ///
     /// # Errors
     /// [`BindingError`] if another action has it, or if it cannot be held.
@@ -136,7 +136,7 @@ impl Bindings {
         self.rebind(trigger, action)
     }
 
-    /// Binds a trigger, away from what it did.
+    /// Binds a trigger, and removes it from the action it was bound to in the same context.
     ///
     /// # Errors
     /// [`BindingError::NotHeld`].
@@ -148,19 +148,20 @@ impl Bindings {
         Ok(())
     }
 
-    /// Takes all triggers of an action away.
+    /// Removes all triggers of an action.
     pub fn unbind(&mut self, action: Action) {
         self.actions.retain(|_, bound| *bound != action);
     }
 
-    /// What a trigger does in a mode: what the table's does where a replay has no other use for it.
+    /// The action of a trigger in a context; replays fall back to the bindings of the table.
     pub fn action(&self, trigger: Trigger, mode: BindingContext) -> Option<Action> {
         let own = self.actions.get(&(mode, trigger));
         let of_table = || self.actions.get(&(BindingContext::Table, trigger));
         own.or_else(of_table).copied()
     }
 
-    /// What an action is bound to: first the keys and buttons it was bound to from the start, in that order.
+    /// The triggers of an action, of which default keys and mouse buttons come first, in the order of the
+    /// defaults.
     pub fn triggers(&self, action: Action) -> Vec<Trigger> {
         let defaults = action.control().defaults;
         let rank = |trigger: &Trigger| {
@@ -176,7 +177,8 @@ impl Bindings {
         triggers
     }
 
-    /// An action's keys and buttons of the mouse for people; keys that are there twice are named once.
+    /// Labels of an action's keyboard and mouse triggers for the interface; left and right variants of a
+    /// key are named once if both are bound.
     pub fn words(&self, action: Action) -> String {
         let labels = self.labels(action, |trigger| !trigger.is_gamepad());
         match labels.is_empty() {
@@ -185,7 +187,7 @@ impl Bindings {
         }
     }
 
-    /// An action's controls of a gamepad for people; empty where it has none.
+    /// Labels of an action's gamepad triggers for the interface; empty if it has none.
     pub fn gamepad_words(&self, action: Action) -> String {
         self.labels(action, |trigger| trigger.is_gamepad())
             .join(", ")
@@ -207,7 +209,7 @@ impl Bindings {
         words
     }
 
-    /// Actions that neither a key nor the mouse is bound to.
+    /// Actions without a key or mouse trigger.
     pub fn unbound(&self) -> impl Iterator<Item = Action> {
         let is_bound = |action: &Action| {
             let mut bound = self.actions.iter().filter(|(_, to)| *to == action);

@@ -1,38 +1,39 @@
-//! Buttons and sticks of gamepads, and what they do at first.
+//! Buttons and sticks of gamepads.
 
 use super::{Action, BindingContext, Event};
 
-/// A button of a gamepad, or a direction of one of its sticks: its label as settings and help show it, one of
-/// [`GamepadControl::all`]. Buttons are named as on an Xbox controller, whatever is printed on them.
+/// A button of a gamepad or a direction of one of its sticks, identified by its label in settings and help,
+/// one of [`GamepadControl::all`]. Buttons are named by position as on an Xbox controller, whatever is
+/// printed on them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct GamepadControl(&'static str);
 
 impl GamepadControl {
-    /// Lower of the four buttons on the right; presses what is chosen on a page.
+    /// Lower of the four face buttons; activates the focused control on a page.
     pub const A: Self = Self("Gamepad A");
-    /// Right one of them; leaves a page.
+    /// Right face button; leaves a page.
     pub const B: Self = Self("Gamepad B");
-    /// Left one.
+    /// Left face button.
     pub const X: Self = Self("Gamepad X");
-    /// Upper one.
+    /// Upper face button.
     pub const Y: Self = Self("Gamepad Y");
-    /// Upper button at the left index finger.
+    /// Left bumper.
     pub const LEFT_BUMPER: Self = Self("Gamepad LB");
-    /// Lower one.
+    /// Left trigger.
     pub const LEFT_TRIGGER: Self = Self("Gamepad LT");
-    /// Upper button at the right index finger.
+    /// Right bumper.
     pub const RIGHT_BUMPER: Self = Self("Gamepad RB");
-    /// Lower one.
+    /// Right trigger.
     pub const RIGHT_TRIGGER: Self = Self("Gamepad RT");
-    /// Small button left of the middle.
+    /// Small button left of the centre.
     pub const BACK: Self = Self("Gamepad back");
-    /// Small button right of the middle.
+    /// Small button right of the centre.
     pub const START: Self = Self("Gamepad start");
-    /// The left stick, pressed.
+    /// Press of the left stick.
     pub const LEFT_STICK: Self = Self("Gamepad left stick");
-    /// The right stick, pressed.
+    /// Press of the right stick.
     pub const RIGHT_STICK: Self = Self("Gamepad right stick");
-    /// Left, right, up and down of the cross.
+    /// Left, right, up and down of the directional pad.
     pub const PAD: [Self; 4] = [
         Self("Gamepad left"),
         Self("Gamepad right"),
@@ -54,7 +55,7 @@ impl GamepadControl {
         Self("Right stick down"),
     ];
 
-    /// All that can be bound.
+    /// All controls, each of which can be bound.
     pub fn all() -> impl Iterator<Item = Self> {
         [
             Self::A,
@@ -76,25 +77,26 @@ impl GamepadControl {
         .chain(Self::RIGHT_STICK_TO)
     }
 
-    /// For people, and for the settings file.
+    /// Label in the interface and the settings file.
     pub fn label(self) -> &'static str {
         self.0
     }
 
-    /// Whether it is a direction of a stick, which is pushed more or less.
+    /// Whether it is a direction of a stick, which has a deflection.
     pub fn is_analog(self) -> bool {
         Self::LEFT_STICK_TO.contains(&self) || Self::RIGHT_STICK_TO.contains(&self)
     }
 }
 
-/// Sticks of gamepads, whose directions count as pressed while they are pushed far enough.
+/// Sticks of gamepads, whose directions count as pressed above a threshold.
 #[derive(Debug, Default)]
 pub struct Sticks {
     pressed: Vec<GamepadControl>,
 }
 
 impl Sticks {
-    /// Moves an axis to `value`, from −1 to 1, along its negative and positive `directions`.
+    /// Moves an axis to `value`, from −1 to 1, with its negative and positive `directions`, and returns the
+    /// events.
     pub fn push(&mut self, directions: [GamepadControl; 2], value: f64) -> Vec<Event> {
         let mut events = Vec::new();
         for (control, deflection) in directions.into_iter().zip([-value, value]) {
@@ -104,7 +106,7 @@ impl Sticks {
                 deflection,
             });
             let was_pressed = self.pressed.contains(&control);
-            // Two thresholds: a stick held at one of them would press and release with its own noise.
+            // Hysteresis: with one threshold, a stick held near it would press and release by its noise.
             if !was_pressed && deflection > PRESSED_FROM {
                 self.pressed.push(control);
             } else if was_pressed && deflection < RELEASED_BELOW {
@@ -122,7 +124,7 @@ impl Sticks {
 }
 
 impl Action {
-    /// Steps a second while a stick is pushed to its end, or a button is held.
+    /// Steps per second at full deflection of a stick, or while a button is held.
     pub(super) fn steps_per_sec(self) -> f64 {
         match self {
             Self::AimLeft | Self::AimRight => 90.0,
@@ -133,7 +135,7 @@ impl Action {
     }
 }
 
-/// How far a stick is pushed in a direction that counts as pressed, and from where it is released again.
+/// Deflection above which a direction counts as pressed, and below which it is released.
 const PRESSED_FROM: f64 = 0.5;
 const RELEASED_BELOW: f64 = 0.4;
 

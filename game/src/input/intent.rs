@@ -1,93 +1,93 @@
-//! Intents: what the player wants, grouped by the subject that it concerns.
+//! Intents: commands of the player, grouped by the subject that they concern.
 
 use carom_billiards::rules::{Call, Choice};
 use glam::DVec2;
 
 use crate::camera::CameraIntent;
 
-/// Something that the player wants, routed once by its subject.
+/// Command of the player, routed by its subject.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Intent {
-    /// Of the aim: direction, tip, elevation, power.
+    /// Aim: direction, tip, elevation, power.
     Aim(AimIntent),
-    /// Of the stroke.
+    /// Stroke.
     Stroke(StrokeIntent),
-    /// Of the camera.
+    /// Camera.
     Camera(CameraIntent),
-    /// Of the match: calls, choices, the ball in hand, help by the computer.
+    /// Match: calls, choices, the ball in hand, help by the computer.
     Match(MatchIntent),
-    /// Of replays.
+    /// Replays.
     Replay(ReplayIntent),
-    /// Arrange the balls, or leave them as they were.
+    /// Open or leave the practice table.
     TogglePractice,
-    /// Of the program around the game.
+    /// The program around the game.
     App(AppIntent),
 }
 
 /// A change of the aim.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AimIntent {
-    /// Turn the aim by this many radians, left positive.
+    /// Turn the aim by an angle in radians, positive to the left.
     Turn(f64),
-    /// Aim at the table under this point of the window.
+    /// Aim at the point of the table under a point of the window.
     AimAt(DVec2),
-    /// Move the tip on the cue ball, in ball radii, to the player's right and up.
+    /// Move the contact point of the tip on the cue ball, in ball radii, to the player's right and up.
     MoveTip(DVec2),
-    /// Put the tip there on the cue ball.
+    /// Set the contact point of the tip, in ball radii from the centre.
     SetTip(DVec2),
-    /// Put the tip in the middle and lay the cue level.
+    /// Set the tip to the centre and the cue level.
     CenterTip,
-    /// Raise the butt of the cue by this many radians.
+    /// Raise the butt of the cue by an angle in radians.
     Elevate(f64),
-    /// Change the power that is set, 0 to 1, by so much.
+    /// Change the power, 0 to 1, by a difference.
     ChangePower(f64),
     /// Set the power, 0 to 1.
     SetPower(f64),
 }
 
-/// A step of a stroke.
+/// Step of a stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StrokeIntent {
-    /// Begin a stroke with the cue drawn back by hand.
+    /// Begin a stroke whose power is how far the pointer draws the cue back.
     BeginPull,
     /// Draw the cue back to this share of its travel, 0 to 1.
     Pull(f64),
     /// Begin a stroke whose power rises with time.
     BeginCharge,
-    /// Take the cue in hand, for a stroke with the hand's own speed.
+    /// Begin a stroke in which the cue moves with the pointer, at the pointer's speed.
     BeginSwing,
-    /// Move the cue that is in hand back by so many metres; forward if negative.
+    /// Move the cue back by a distance in metres during a swing; forward if negative.
     Swing(f64),
-    /// Let go: strike if the cue is drawn back.
+    /// Release the control: strike if the cue is drawn back.
     Release,
     /// Strike with the power that is set.
     Strike,
-    /// Give up the stroke.
+    /// Cancel the stroke.
     Cancel,
 }
 
-/// A decision in a match that is no stroke.
+/// Decision in a match other than a stroke.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MatchIntent {
     /// Rack the balls again.
     Rack,
-    /// Take up a cue ball that is in hand, or put it down.
+    /// Pick up a cue ball in hand, or place it.
     PickUp,
-    /// Hold the cue ball over this point of the window.
+    /// Move the carried cue ball to a point of the window.
     Point(DVec2),
-    /// Put the cue ball down.
+    /// Place the cue ball.
     Put,
-    /// Say what the shot is to do, or take it back.
+    /// Call the shot, or withdraw the call.
     Call(Option<Call>),
-    /// The next call, after the last none.
+    /// Select the next possible call, and after the last one none.
     NextCall,
-    /// Decide what the rules leave to the player.
+    /// Make a choice that the rules offer.
     Choose(Choice),
-    /// Take the last shot back.
+    /// Undo the last shot.
     Undo,
-    /// Take the last undo back.
+    /// Redo the last undone shot.
     Redo,
-    /// Let the balls rest at once where the shot that is on leaves them.
+    /// Skip to the end of the present shot.
     Skip,
     /// Have the computer suggest a shot.
     Suggest,
@@ -95,25 +95,25 @@ pub enum MatchIntent {
     TakeOver,
 }
 
-/// A wish that concerns replays.
+/// Command to replays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ReplayIntent {
-    /// Open the replay of previous shots, or go back to the game.
+    /// Open the replay of previous shots, or return to the game.
     Toggle,
-    /// Control the replay that is open.
+    /// Control the open replay.
     Control(ReplayControl),
 }
 
-/// A wish that concerns the program around the game.
+/// Command to the program around the game.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AppIntent {
-    /// Give up what is begun or leave what is open, else open the menu.
+    /// Cancel what is in progress or leave what is open, otherwise open the menu.
     Escape,
-    /// Keep the current view as the saved view of this number.
+    /// Save the current view under this index.
     SaveView(u8),
-    /// Look from the saved view of this number.
+    /// Look from the saved view of this index.
     RecallView(u8),
-    /// Show more of the shot to come, and after all of it nothing.
+    /// Select the next level of aiming aids, cyclically.
     NextAids,
     /// Show or hide the log of the match.
     ToggleLog,
@@ -121,7 +121,7 @@ pub enum AppIntent {
     ToggleHelp,
     /// Show the next level of the statistics.
     ToggleStats,
-    /// Fill the screen, or go back to a window.
+    /// Switch between full screen and a window.
     ToggleFullscreen,
     /// Take a screenshot in full quality.
     TakeScreenshot,
@@ -130,29 +130,29 @@ pub enum AppIntent {
 /// Playback control of a replay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ReplayControl {
-    /// To stop, or to go on.
+    /// Pause or resume.
     Toggle,
-    /// Another speed: seconds of the shot in a second.
+    /// Set the rate: seconds of the shot per second.
     Rate(f64),
-    /// Another moment of the shot, seconds since the stroke.
+    /// Seek to a moment of the shot, in seconds since the stroke.
     Seek(f64),
-    /// The moment so many seconds later; earlier if negative.
+    /// Seek by a time in seconds; backwards if negative.
     Skip(f64),
-    /// The next event, or the one before.
+    /// Pause at the next or previous event.
     Step {
-        /// Whether the next one.
+        /// Whether to go to the next one.
         forward: bool,
     },
-    /// Another shot of the list.
+    /// Choose a shot of the list by index.
     Pick(usize),
-    /// The next shot of the list, or the one before.
+    /// Choose the next or previous shot of the list.
     Turn {
-        /// Whether the next one.
+        /// Whether to go to the next one.
         forward: bool,
     },
 }
 
 impl ReplayControl {
-    /// The rates that are offered: real time and slow motion.
+    /// The offered rates: real time and slow motion.
     pub const RATES: [f64; 3] = [1.0, 0.25, 0.1];
 }

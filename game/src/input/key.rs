@@ -1,25 +1,25 @@
-//! Keys by their place on the keyboard, so that W A S D lie together on every layout, and what else can be
-//! pressed or turned. Their names stand in the settings file and are shown as they stand there.
+//! Keys by physical position, so that W A S D are adjacent on every layout, mouse buttons and wheel. Their
+//! labels are the same in the settings file and in the interface.
 
-/// A key: its label as settings and help show it, one of [`KEYS`].
+/// A key, identified by its label in settings and help, one of [`KEYS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Key(pub(super) &'static str);
 
 impl Key {
-    /// The key of a code as the W3C's "UI Events KeyboardEvent code Values" names it, which is what
-    /// windowing libraries call it too; nothing if it cannot be bound.
+    /// The key of a code of the W3C's "UI Events KeyboardEvent code Values", which windowing libraries also
+    /// use; none if it cannot be bound.
     pub fn from_code(code: &str) -> Option<Self> {
         let (_, label) = KEYS.iter().find(|(of, _)| *of == code)?;
         Some(Self(label))
     }
 
-    /// The key with this label, in any case.
+    /// The key with this label, ignoring case.
     pub fn from_label(label: &str) -> Option<Self> {
         let (_, label) = KEYS.iter().find(|(_, of)| of.eq_ignore_ascii_case(label))?;
         Some(Self(label))
     }
 
-    /// For people, and for the settings file.
+    /// Label in the interface and the settings file.
     pub fn label(self) -> &'static str {
         self.0
     }
@@ -37,7 +37,7 @@ pub enum Button {
 }
 
 impl Button {
-    /// All.
+    /// All buttons.
     pub const ALL: [Self; 5] = [
         Self::Left,
         Self::Middle,
@@ -46,7 +46,7 @@ impl Button {
         Self::Forward,
     ];
 
-    /// For people, and for the settings file.
+    /// Label in the interface and the settings file.
     pub fn label(self) -> &'static str {
         match self {
             Self::Left => "Mouse left",
@@ -58,10 +58,10 @@ impl Button {
     }
 }
 
-/// The wheel, turned away from the player and towards the player.
+/// Labels of the wheel, turned away from the player and towards the player.
 pub(super) const WHEEL: [&str; 2] = ["Wheel up", "Wheel down"];
 
-/// Keys that are there twice: the name of either, and those of both.
+/// Keys that exist on both sides: the common name, and both keys.
 pub(super) const TWICE: [(&str, [Key; 2]); 3] = [
     ("Ctrl", [Key("Left Ctrl"), Key("Right Ctrl")]),
     ("Shift", [Key("Left Shift"), Key("Right Shift")]),

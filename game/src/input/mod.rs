@@ -1,9 +1,9 @@
-//! Input of mouse and keys as intents: a pure function of the events so far.
+//! Translation of mouse, keyboard and gamepad input to intents: a pure function of the events so far.
 //!
 //! ```text
 //! Event ─▶ Trigger ─▶ Bindings ─▶ Action ─▶ Intent
-//!          what was    the         what it   what the game
-//!          pressed     player's    is for    does
+//!          control     the         named     command to
+//!          pressed     player's    function  the game
 //! ```
 //!
 //! A new control is a variant of [`Action`], a row of [`ACTIONS`], its `control-` text and an arm where it
@@ -31,60 +31,60 @@ pub use key::{Button, Key};
 
 use crate::camera::CameraIntent;
 
-/// Something that happened at the window, in the words of no windowing library.
+/// Input event, independent of the windowing library.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
-    /// The pointer is here, in points from the window's top left.
+    /// The pointer moved to a position in points from the window's top left.
     Pointer(DVec2),
     /// The pointer has left the window.
     PointerLeft,
-    /// A button went down or up.
+    /// A mouse button was pressed or released.
     Button {
-        /// Which.
+        /// The button.
         button: Button,
-        /// Down.
+        /// Whether it was pressed.
         pressed: bool,
     },
-    /// The wheel turned by this many notches away from the player.
+    /// The wheel was turned by a number of notches, positive away from the player.
     Wheel(f64),
-    /// A key went down, up, or repeats while held.
+    /// A key was pressed, released, or repeats while held.
     Key {
-        /// Which.
+        /// The key.
         key: Key,
-        /// Down.
+        /// Whether it was pressed.
         pressed: bool,
-        /// By being held.
+        /// Whether it repeats.
         repeat: bool,
     },
-    /// A button of a gamepad went down or up, or a stick passed half of its way in a direction.
+    /// A button of a gamepad was pressed or released, or a stick crossed the threshold of a direction.
     Gamepad {
-        /// Which.
+        /// The button or direction.
         control: GamepadControl,
-        /// Down.
+        /// Whether it was pressed.
         pressed: bool,
     },
-    /// A stick is pushed this far in a direction, 0 to 1.
+    /// A stick was moved in a direction.
     Stick {
         /// The direction.
         control: GamepadControl,
-        /// How far.
+        /// Deflection, 0 to 1.
         deflection: f64,
     },
-    /// Keys and buttons may come up unseen from now on.
+    /// The focus was lost: releases of keys and buttons may be missed from now on.
     FocusLost,
 }
 
-/// How the mouse turns the aim and the camera.
+/// Settings of the mouse for turning the aim and the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MouseSettings {
-    /// How far, over what is usual, [`MouseSettings::SPEED`].
+    /// Factor on the default speed, within [`MouseSettings::SPEED`].
     pub speed: f64,
-    /// Whether the camera looks up when the mouse is drawn towards the player.
+    /// Whether the vertical direction of the camera's rotation is inverted.
     pub inverts_pitch: bool,
 }
 
 impl MouseSettings {
-    /// The slowest and the fastest.
+    /// Least and greatest factor.
     pub const SPEED: [f64; 2] = [0.2, 5.0];
 }
 
@@ -97,7 +97,7 @@ impl Default for MouseSettings {
     }
 }
 
-/// What is bound, what is held, and since where.
+/// State of the input: bindings, held controls, pointer.
 #[derive(Clone, Debug, Default)]
 pub struct Input {
     bindings: Bindings,
@@ -108,16 +108,16 @@ pub struct Input {
     fine: BTreeSet<Trigger>,
     /// Whether the pointer carries something over the table.
     is_carrying: bool,
-    /// Parts of a notch of the wheel, for actions that are done once.
+    /// Accumulated fractions of a notch of the wheel, for actions that do not repeat.
     notches: f64,
-    /// Sticks that are pushed and buttons of a gamepad that are held, by how far and since how many seconds.
+    /// Deflected sticks and held buttons of gamepads.
     gamepad: BTreeMap<GamepadControl, HeldControl>,
 }
 
-/// A control of a gamepad that is held.
+/// A held control of a gamepad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct HeldControl {
-    /// 0 to 1, of which buttons have the end.
+    /// Deflection, 0 to 1; 1 for buttons.
     deflection: f64,
     held_secs: f64,
 }
@@ -127,12 +127,12 @@ struct HeldControl {
 struct Hold {
     trigger: Trigger,
     action: Action,
-    /// How far a stroke is drawn, 0 to 1.
+    /// Share of the cue's travel by which a stroke is drawn back, 0 to 1.
     drawn: f64,
 }
 
 impl Event {
-    /// What was pressed or turned, if anything was.
+    /// The control that was pressed or turned, if the event is that.
     pub fn trigger(&self) -> Option<Trigger> {
         match *self {
             Self::Button {
@@ -156,7 +156,7 @@ impl Event {
 }
 
 impl Input {
-    /// Nothing is held.
+    /// An input state with nothing held.
     pub fn new(bindings: Bindings) -> Self {
         Self {
             bindings,
@@ -164,22 +164,22 @@ impl Input {
         }
     }
 
-    /// Sets how the mouse turns the aim and the camera; nothing that is held is let go.
+    /// Sets the settings of the mouse; held controls stay held.
     pub fn set_mouse(&mut self, mouse: MouseSettings) {
         self.mouse = mouse;
     }
 
-    /// What is bound to what.
+    /// The bindings.
     pub fn bindings(&self) -> &Bindings {
         &self.bindings
     }
 
-    /// Says what is on show, whose keys count.
+    /// Sets the context of the bindings.
     pub fn set_mode(&mut self, mode: BindingContext) {
         self.mode = mode;
     }
 
-    /// What `event` means.
+    /// Processes an event, and returns the intent that it causes.
     pub fn handle(&mut self, event: Event) -> Option<Intent> {
         match event {
             Event::Pointer(at) => self.pointer_moved(at),
@@ -208,7 +208,7 @@ impl Input {
         }
     }
 
-    /// Forgets what is held, as if it had come up; a stroke is given up.
+    /// Releases all held controls; a stroke in progress is cancelled.
     pub fn let_go(&mut self) -> Option<Intent> {
         self.fine.clear();
         self.gamepad.clear();
@@ -217,17 +217,17 @@ impl Input {
         (hold.action != Action::Orbit).then_some(Intent::Stroke(StrokeIntent::Cancel))
     }
 
-    /// Lets the pointer carry something over the table, in place of turning the aim.
+    /// Sets whether the pointer carries something over the table rather than turning the aim.
     pub fn set_carrying(&mut self, is_carrying: bool) {
         self.is_carrying = is_carrying;
     }
 
-    /// Takes note of a pointer that moves over something else than the table: it turns nothing.
+    /// Records a position of the pointer outside the table, without an intent.
     pub fn passes(&mut self, at: DVec2) {
         self.pointer = Some(at);
     }
 
-    /// Whether an action lasts, such as a stroke.
+    /// Whether a held action is in progress, such as a stroke.
     pub fn is_holding(&self) -> bool {
         self.hold.is_some()
     }
@@ -284,24 +284,25 @@ impl Input {
         }
     }
 
-    /// Whether a stick's direction does something for as long as it is pushed, more the further it is.
+    /// Whether a stick's direction acts continuously, with a rate by its deflection.
     fn is_steady(&self, control: GamepadControl) -> bool {
         let action = self.bindings.action(Trigger::Gamepad(control), self.mode);
         self.carries(control) || action.is_some_and(Action::repeats)
     }
 
-    /// Whether the left stick moves what the pointer carries.
+    /// Whether a control moves what the pointer carries: the left stick.
     fn carries(&self, control: GamepadControl) -> bool {
         self.is_carrying && GamepadControl::LEFT_STICK_TO.contains(&control)
     }
 
-    /// Whether [`Input::elapse`] has something to do.
+    /// Whether [`Input::elapse`] has held controls to apply.
     pub fn is_steering(&self) -> bool {
         !self.gamepad.is_empty()
     }
 
-    /// What sticks and held buttons of a gamepad mean for a time of `secs`: steps at a rate of the square of how far a
-    /// stick is pushed, and of buttons after [`REPEAT_SECS`].
+    /// The intents of deflected sticks and held gamepad buttons over a time of `secs`. The rate of steps is
+    /// proportional to the square of a stick's deflection, for fine control; buttons repeat after
+    /// `REPEAT_SECS`.
     pub fn elapse(&mut self, secs: f64) -> Vec<Intent> {
         let secs = secs.clamp(0.0, ELAPSED_SECS_MAX);
         let mut intents = Vec::new();
@@ -367,6 +368,7 @@ impl Input {
 
     fn begin(&mut self, trigger: Trigger, action: Action) -> Option<Intent> {
         if let Some(hold) = self.hold {
+            // A second held control is ignored, except that the camera's cancels a stroke.
             let gives_up = action == Action::Orbit && hold.action != Action::Orbit;
             return gives_up.then(|| {
                 self.hold = None;
@@ -398,6 +400,7 @@ impl Input {
 
     fn wheel(&mut self, notches: f64) -> Option<Intent> {
         let trigger = Event::Wheel(notches).trigger()?;
+        // A reversal discards the fraction accumulated in the other direction.
         if self.notches * notches < 0.0 {
             self.notches = 0.0;
         }
@@ -418,18 +421,19 @@ impl Input {
     }
 }
 
-/// A window of 1280 points turns the aim by 147°.
+/// Rotation of the aim per point of pointer motion: 147° across a window of 1280 points.
 const AIM_RAD_PER_POINT: f64 = 0.002;
 const ORBIT_RAD_PER_POINT: f64 = 0.005;
+/// Factor of the fine mode.
 const FINE: f64 = 0.1;
-/// The way of the pointer from no power to full power.
+/// Distance of the pointer from no power to full power.
 const PULL_POINTS: f64 = 220.0;
-/// A mouse that moves 1000 points a second strikes with 2.5 m/s.
+/// Motion of the cue per point of pointer motion in a swing: 1000 points a second strike with 2.5 m/s.
 const SWING_M_PER_POINT: f64 = 0.0025;
-/// How long a button of a gamepad is held until it repeats, as a key does.
+/// Time after which a held gamepad button begins to repeat.
 const REPEAT_SECS: f64 = 0.4;
-/// A frame that took longer, while a window was hidden for example, turns nothing by more.
+/// Longest time that held controls are applied over at once, for frames that took longer.
 const ELAPSED_SECS_MAX: f64 = 0.1;
-/// Where a ball in hand is carried from by a stick if there was no pointer yet, in points.
+/// Start position of a ball in hand carried with a stick if there was no pointer yet, in points.
 const CARRIED_FROM: DVec2 = DVec2::new(400.0, 300.0);
 const CARRIED_POINTS_PER_SEC: f64 = 500.0;

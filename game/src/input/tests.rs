@@ -343,7 +343,7 @@ fn a_stick_turns_the_aim_by_its_deflection_and_the_time() {
     input.handle(stick(left, 0.5));
     let half = turned(&input.elapse(0.05));
     assert!((full - 4.0 * half).abs() < 1e-12 && full > 0.0);
-    // In many short frames as in one long one.
+    // Many short frames have the same effect as one long frame.
     let short: f64 = (0..10).map(|_| turned(&input.elapse(0.005))).sum();
     assert!((short - half).abs() < 1e-12);
     press_on_gamepad(&mut input, GamepadControl::LEFT_TRIGGER, true);
@@ -364,7 +364,7 @@ fn a_stick_pressed_past_its_middle_makes_no_step_of_its_own() {
     let mut input = Input::default();
     let [left, ..] = GamepadControl::LEFT_STICK_TO;
     assert_eq!(press_on_gamepad(&mut input, left, true), None);
-    // Bound to something that is done once, it is.
+    // Bound to an action that does not repeat, the direction triggers it once.
     let mut bindings = Bindings::default();
     bindings
         .rebind(Trigger::Gamepad(left), Action::NextView)

@@ -1,4 +1,5 @@
-//! Sand and snow on the table as grains, marbles as balls, jelly and water as what their particles fill.
+//! Particles on the table for the tracer: sand and snow as grains, marbles as balls, jelly and water as
+//! surfaces.
 
 use std::sync::Arc;
 
@@ -9,14 +10,14 @@ use glam::Vec3;
 /// The particles of a table at a moment.
 #[derive(Clone, Debug)]
 pub enum BedMoment {
-    /// As they lie.
+    /// At rest.
     Lying(Arc<ParticleBed>),
-    /// At a time of a shot, in s since the stroke.
+    /// During a shot, at a time in s since the stroke.
     Moving(Arc<ParticleTrack>, f64),
 }
 
 impl BedMoment {
-    /// What is traced of it, on a cloth of this albedo: as many clouds as there are colours.
+    /// The clouds to be traced, on a cloth of this albedo: one for each material of the tracer.
     pub fn clouds(&self, cloth: Vec3) -> Vec<ParticleCloud> {
         match self {
             Self::Lying(bed) => clouds(&ParticleTrack::new(bed), 0.0, cloth),
@@ -57,27 +58,28 @@ fn clouds(track: &ParticleTrack, secs: f64, cloth: Vec3) -> Vec<ParticleCloud> {
     clouds
 }
 
-/// Radius within which particles make one surface, over their distance: jelly has no thin parts.
+/// Smoothing radius of surfaces over the particles' spacing; greater for jelly, which has no thin parts.
 const SMOOTHING_OF_JELLY: f32 = 3.0;
 const SMOOTHING_OF_WATER: f32 = 2.5;
-/// Where surfaces end: below the cloth, so that no gap shows.
+/// Lower end of surfaces, in m: below the cloth, so that there is no visible gap.
 const FLOOR_M: f32 = -2e-4;
 
-/// How particles are drawn.
+/// Appearance of particles.
 struct ParticleLook {
-    /// Of each as a ball, over the distance of particles.
+    /// Radius of each as a ball, over the particles' spacing.
     radius: f32,
     material: Material,
-    /// Of all together as the body that they fill, over their distance; none of grains.
+    /// Smoothing radius of their common surface over the particles' spacing; none for grains.
     smoothing: Option<f32>,
 }
 
-/// Of particles one after the other: of grains seven, which no edge of a patch is a multiple of, so that they make no
-/// stripes. Grains of sand and snow are rough and of many sizes.
+/// Appearances that successive particles of a material cycle through. Sand and snow have seven, of
+/// different sizes: no edge of a patch is a multiple of seven, so that they form no stripes.
 ///
-/// A thin clear layer on a diffuse ground is what a coated material describes, total reflection from within included: so
-/// water has the cloth for its base. Traced as a dielectric with the cloth below, its light would come from the small
-/// lamps by chance alone: at 64 samples a picture of it is mostly noise, and all of the wet cloth is dark at 16.
+/// Water is a smooth coating with the tinted cloth as its base, which describes a thin clear layer on a
+/// diffuse ground with internal reflection. As a dielectric above the cloth, light paths would find the
+/// small lamps by chance only: the picture is then mostly noise at 64 samples, and the wet cloth dark at
+/// 16.
 fn looks(material: ParticleMaterial, cloth: Vec3, spacing_m: f32) -> Vec<ParticleLook> {
     let grains = |size: f32, albedos: [[f32; 3]; 7]| -> Vec<ParticleLook> {
         let radii = [0.52, 0.4, 0.6, 0.36, 0.47, 0.56, 0.43];
@@ -119,7 +121,7 @@ fn looks(material: ParticleMaterial, cloth: Vec3, spacing_m: f32) -> Vec<Particl
         ParticleMaterial::Water => body(SMOOTHING_OF_WATER, 1.33, DRINK * cloth),
         ParticleMaterial::Marbles => {
             let marble = |albedo: [f32; 3]| ParticleLook {
-                // As wide as they are simulated, but for what places are rounded.
+                // The simulated radius less the rounding of positions.
                 radius: 0.99 * ParticleMaterial::MARBLE_RADIUS_M as f32 / spacing_m,
                 material: Material::plastic(albedo),
                 smoothing: None,
@@ -129,7 +131,7 @@ fn looks(material: ParticleMaterial, cloth: Vec3, spacing_m: f32) -> Vec<Particl
     }
 }
 
-/// What marbles of coloured glass reflect from within.
+/// Albedos of marbles of coloured glass.
 const MARBLES: [[f32; 3]; 5] = [
     [0.03, 0.16, 0.5],
     [0.55, 0.05, 0.03],
@@ -137,9 +139,9 @@ const MARBLES: [[f32; 3]; 5] = [
     [0.75, 0.45, 0.05],
     [0.7, 0.72, 0.75],
 ];
-/// What the depth of jelly reflects.
+/// Albedo of jelly.
 const JELLY: Vec3 = Vec3::new(0.42, 0.012, 0.022);
-/// What a drink lets through on the way to the cloth and back.
+/// Transmittance of the spilt drink on the way to the cloth and back.
 const DRINK: Vec3 = Vec3::new(0.9, 0.75, 0.55);
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! Chalk: the puff that a stroke knocks off the tip.
+//! Chalk dust that a stroke knocks off the cue's tip.
 //!
-//! A function of shot and time alone, so that a game, its replay and its film show the same. Where the tip met the ball
-//! follows from how the ball leaves: a blow at `r` from the centre gives a ball of `v` the spin `ω` with
-//! `I ω = m r × v`.
+//! It is a function of shot and time alone, so that a game, its replay and its film show the same. The
+//! contact point of the tip follows from the ball's motion after the stroke: an impulse at `r` from the
+//! centre that gives the velocity `v` gives the spin `ω` with `I ω = m r × v`.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError};
@@ -15,25 +15,25 @@ use carom_tracer::{Material, ParticleCloud, ParticleForm};
 
 use super::ParticleDetail;
 
-/// The dust of a shot. What moves is computed when it is first looked at.
+/// The dust of a shot, simulated on demand.
 #[derive(Debug)]
 pub struct ChalkPuff {
     shot: Shot,
     blow: Option<Blow>,
-    /// Of the last moments that were looked at, one behind the other.
+    /// States of the last simulated steps, in consecutive order.
     states: Mutex<VecDeque<PuffState>>,
 }
 
-/// A blow of the tip.
+/// Impact of the tip on the cue ball.
 #[derive(Clone, Copy, Debug)]
 struct Blow {
-    /// Where the tip meets the ball, in m.
+    /// Contact point of tip and ball, in m.
     contact: Vec3,
-    /// From the ball to the butt, of length 1.
+    /// Unit vector from the ball along the cue to its butt.
     back: Vec3,
     /// Speed of the cue, in m/s.
     speed_m_s: f32,
-    /// Share of the chalk that comes off, to 1.
+    /// Share of the chalk that comes off, up to 1.
     share: f32,
 }
 
@@ -41,26 +41,26 @@ struct Blow {
 #[derive(Clone, Debug)]
 struct PuffState {
     step: u32,
-    /// By [`KINDS`].
+    /// Dust of each of [`KINDS`].
     dusts: Vec<Dust>,
-    /// Steps after which specks came to lie, by kind; `u32::MAX` for those in the air.
+    /// Step at which each speck settled, by kind; `u32::MAX` for those in the air.
     settled: Vec<Vec<u32>>,
 }
 
-/// Specks of one size. One that is drawn stands for a clump of the many that are as fine.
+/// Specks of one size. Each drawn speck stands for a cluster of many grains.
 struct SpeckKind {
-    /// Of a grain, for its flight.
+    /// Diameter of a grain, for its motion.
     diameter_m: f32,
-    /// Of what is drawn.
+    /// Radius of a drawn speck.
     radius_m: f32,
-    /// At the most, of [`ParticleDetail::All`].
+    /// Largest number of specks, at [`ParticleDetail::All`].
     specks: usize,
-    /// How far the air that the blow pushes aside carries it, in m.
+    /// Distance that the displaced air carries specks, in m.
     spread_m: f32,
 }
 
 impl ChalkPuff {
-    /// The dust of a shot; none of one that was not struck.
+    /// The dust of a shot; none for a shot without a stroke.
     pub fn new(shot: &Shot) -> Self {
         Self {
             blow: blow(shot),
@@ -69,7 +69,7 @@ impl ChalkPuff {
         }
     }
 
-    /// The dust at a time since the stroke in s: nothing before it, and once all has sunk into the cloth.
+    /// The dust at a time in s since the stroke; nothing before it and after all has sunk into the cloth.
     pub fn clouds(&self, secs: f64, detail: ParticleDetail) -> Vec<ParticleCloud> {
         let stride = detail.stride();
         let Some(blow) = self.blow.filter(|_| (0.0..LAST_SECS).contains(&secs)) else {
@@ -89,7 +89,7 @@ impl ChalkPuff {
             let places = specks.map(|(speck, settled)| {
                 let sunk_secs = step.saturating_sub(*settled) as f32 * STEP_SECS as f32 + rest_secs;
                 let center = if speck.is_settled {
-                    // The nap closes over it, and there it stays.
+                    // A settled speck sinks into the nap until it is hidden, and stays there.
                     let height_m = kind.radius_m - SINK_M_S * sunk_secs;
                     speck.position + Vec3::Z * height_m.max(-kind.radius_m)
                 } else {
@@ -103,7 +103,7 @@ impl ChalkPuff {
         clouds.filter(|cloud| !cloud.places.is_empty()).collect()
     }
 
-    /// The specks after `step` steps. Going back further than is remembered begins anew.
+    /// The specks after `step` steps. A step earlier than those kept restarts the simulation.
     fn state<'a>(
         &self,
         states: &'a mut VecDeque<PuffState>,
@@ -115,8 +115,7 @@ impl ChalkPuff {
             states.push_back(PuffState::new(blow));
         }
         let last = states.back().map_or(0, |last| last.step);
-        // Every step once and in order, whatever moments are looked at: no picture depends on those
-        // before it.
+        // Every step is simulated, whatever moments are requested: no picture depends on earlier requests.
         for next in last + 1..=step {
             if let Some(mut state) = states.back().cloned() {
                 state.advance(next, &self.bodies(f64::from(next) * STEP_SECS));
@@ -165,7 +164,7 @@ impl PuffState {
     fn advance(&mut self, step: u32, bodies: &Bodies) {
         self.step = step;
         for (dust, settled) in self.dusts.iter_mut().zip(&mut self.settled) {
-            // A grain takes a millionth of a ball's momentum: the balls go on as they were.
+            // Balls are copies: a grain takes a millionth of a ball's momentum, which is neglected.
             if dust.step(STEP_SECS, &mut bodies.clone()).is_err() {
                 dust.retain(|_| false);
                 settled.clear();
@@ -180,7 +179,7 @@ impl PuffState {
     }
 }
 
-/// The chalk of one kind as it leaves the tip: aside from the cue, and a little back and up.
+/// The chalk of one kind as it leaves the tip: radially from the cue, and slightly backwards and upwards.
 fn puff(blow: Blow, kind: &SpeckKind, number: u32) -> Dust {
     let grain = Grain {
         diameter_m: kind.diameter_m,
@@ -194,6 +193,7 @@ fn puff(blow: Blow, kind: &SpeckKind, number: u32) -> Dust {
     for speck in 0..count {
         let [turn, out, fast, backward] = uniforms(speck, number, seed, 0);
         let [carried, lifted, drawn, _] = uniforms(speck, number, seed, 1);
+        // The root of `out` makes specks uniform over the tip's area, the square of `fast` most of them slow.
         let (sin, cos) = (std::f32::consts::TAU * turn).sin_cos();
         let radial = aside * cos + across * sin;
         let from = blow.contact
@@ -247,7 +247,8 @@ fn blow(shot: &Shot) -> Option<Blow> {
     })
 }
 
-/// From the ball's centre to the line of the blow, in m: `r = 2/5 R² (v × ω) / v²`.
+/// From the ball's centre to the line of the impulse, in m: `r = 2/5 R² (v × ω) / v²`, from `I ω = m r × v`
+/// with r perpendicular to v and I = 2/5 m R².
 fn tip_offset_m(ball: &BallState) -> DVec3 {
     let radius_m = ball.body.radius_m;
     let square = ball.velocity.length_squared();
@@ -255,10 +256,10 @@ fn tip_offset_m(ball: &BallState) -> DVec3 {
     offset.clamp_length_max(0.9 * radius_m)
 }
 
-/// Clouds of a puff.
+/// Number of clouds of a puff.
 #[cfg(test)]
 pub(super) const CLOUDS: usize = KINDS.len();
-/// From the coarse specks that fly farthest to the fine ones that stay in the air.
+/// Kinds from coarse specks, which fly farthest, to fine ones, which stay in the air.
 const KINDS: [SpeckKind; 4] = [
     SpeckKind {
         diameter_m: 80e-6,
@@ -287,20 +288,21 @@ const KINDS: [SpeckKind; 4] = [
 ];
 /// Albedo of blue chalk as dust.
 const CHALK: Vec3 = Vec3::new(0.42, 0.6, 0.8);
-/// Of a cue's tip that touches the ball.
+/// Radius of the tip's contact area.
 const TIP_RADIUS_M: f32 = 4e-3;
-/// From where on a stroke knocks off all there is, and how little a soft one does.
+/// Speed of the cue from which on all chalk comes off, and the least share for a soft stroke.
 const SPEED_OF_ALL_M_S: f32 = 6.0;
 const SHARE_MIN: f32 = 0.1;
-/// The cloth has taken all in by then.
+/// Time since the stroke after which all dust has sunk into the cloth.
 const LAST_SECS: f64 = 3.0;
-/// Of the dust's motion, which is exact but for where balls meet it.
+/// Step of the dust's motion, which is exact for any step but for contacts with balls.
 const STEP_SECS: f64 = 1.0 / 120.0;
-/// A third of a second: pictures of the present and of the future are asked for in turn.
+/// Number of states kept, a third of a second: frames of the present and of the future are requested
+/// alternately.
 const STATES_KEPT: usize = 40;
-/// How fast a speck that lies sinks into the nap.
+/// Speed at which a settled speck sinks into the nap.
 const SINK_M_S: f32 = 0.5e-3;
-/// Of the box around the contact: dust that flies farther is drawn at its side.
+/// Half extent of the box around the contact; dust that flies farther is drawn at its boundary.
 const REACH_M: f32 = 0.35;
 
 #[cfg(test)]

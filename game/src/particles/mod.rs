@@ -1,4 +1,5 @@
-//! Particles on screen: what the physics moves, as clouds of small balls and bodies for the tracer.
+//! Particles for the tracer: those of the physics and of dust, as clouds of small balls and as fluid
+//! surfaces.
 
 mod bed;
 mod chalk;
@@ -26,7 +27,7 @@ pub enum ParticleDetail {
 }
 
 impl ParticleDetail {
-    /// Each so many-th speck is traced; none if 0.
+    /// Stride of the traced specks among all; 0 for none.
     pub(crate) const fn stride(self) -> usize {
         match self {
             Self::Off => 0,
@@ -39,14 +40,14 @@ impl ParticleDetail {
 /// All particles at a moment.
 #[derive(Clone, Debug, Default)]
 pub struct ParticleMoment {
-    /// Dust of the shot that is on, and the time since its stroke in s.
+    /// Dust of the present shot, and the time since its stroke in s.
     pub dust: Option<(Arc<ChalkPuff>, f64)>,
-    /// What lies on the table.
+    /// Particles on the table.
     pub bed: Option<BedMoment>,
 }
 
 impl ParticleMoment {
-    /// Particles that lie on a table.
+    /// The particles at rest on a table.
     pub fn lying(world: &World) -> Self {
         let bed = world.particles().map(Arc::clone);
         Self {
@@ -55,7 +56,8 @@ impl ParticleMoment {
         }
     }
 
-    /// What is traced of it, on a cloth of this albedo: of dust as much as is wanted, of what balls meet all.
+    /// The clouds to be traced, on a cloth of this albedo: dust at a level of detail, particles on the
+    /// table all.
     pub fn clouds(&self, detail: ParticleDetail, cloth: Vec3) -> Vec<ParticleCloud> {
         let dust = self.dust.iter();
         let dust = dust.flat_map(|(puff, secs)| puff.clouds(*secs, detail));

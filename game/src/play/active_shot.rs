@@ -1,4 +1,4 @@
-//! A shot that is on: its clock and its camera.
+//! The present shot with its clock and camera.
 
 use std::cell::OnceCell;
 use std::ops::Range;
@@ -12,35 +12,35 @@ use carom_billiards::physics::{Shot, Stroke, Table};
 
 use super::cue::CueView;
 
-/// A shot that is on.
+/// The shot on show.
 #[derive(Debug)]
 pub(super) struct ActiveShot {
-    /// What it was struck with.
+    /// The stroke.
     pub(super) stroke: Stroke,
-    /// What happens.
+    /// The simulated shot.
     pub(super) shot: Shot,
-    /// When the tip meets the ball.
+    /// Time of the contact of tip and ball.
     pub(super) contact_secs: f64,
     /// The cue as it was drawn back.
     pub(super) cue: Option<CueView>,
-    /// The view at the stroke, or when another was chosen.
+    /// The view at the stroke, or when another view was chosen.
     pub(super) from: Viewpoint,
-    /// The moments between which the camera goes from there to the view that is chosen.
+    /// Moments between which the camera moves from there to the chosen view.
     pub(super) glide_secs: Range<f64>,
-    /// The cue's direction.
+    /// Horizontal direction of the cue.
     pub(super) bearing_rad: f64,
-    /// The pocket that was played to, if the view depends on it.
+    /// The target pocket, if the view depends on it.
     pub(super) pocket: Option<usize>,
-    /// Whether the camera cuts to where it would glide.
+    /// Whether the camera cuts instead of moving.
     pub(super) instant_camera: bool,
-    /// Once it is asked for.
+    /// The path of the following camera, computed on demand.
     pub(super) chase: OnceCell<FollowCamera>,
-    /// Once it is asked for.
+    /// The chalk dust, created on demand.
     pub(super) puff: OnceCell<Arc<ChalkPuff>>,
 }
 
 impl ActiveShot {
-    /// The moment on show at `now_secs`, in seconds since the blow; negative before it.
+    /// The moment on show at `now_secs`, in seconds since the contact; negative before it.
     pub(super) fn clock_secs(&self, now_secs: f64) -> f64 {
         now_secs - self.contact_secs
     }
@@ -57,8 +57,8 @@ impl ActiveShot {
         }
     }
 
-    /// From behind the cue ball up and back to the whole table, or to another view that is chosen, as
-    /// a function of the shot's own time: pictures of the future know where the camera will be.
+    /// The viewpoint at a moment, which moves from the view at the stroke to the chosen one. It is a
+    /// function of the shot's time alone, so that frames of future moments can be requested.
     pub(super) fn viewpoint(
         &self,
         moment_secs: f64,
@@ -79,21 +79,22 @@ impl ActiveShot {
         });
         let Range { start, end } = self.glide_secs;
         let s = (moment_secs - start) / (end - start);
-        // A cut goes all of the way as soon as the glide would have begun.
+        // A cut happens when the camera would start to move.
         let s = if self.instant_camera { s.ceil() } else { s };
         self.from.lerp(wanted, smoothstep(s))
     }
 
-    /// Goes from the view `now` to another that was chosen.
+    /// Starts to move from the view `now` to a newly chosen one.
     pub(super) fn turn(&mut self, now: Viewpoint, moment_secs: f64) {
         self.from = now;
         self.glide_secs = moment_secs..moment_secs + TURN_SECS;
     }
 }
 
-/// When the camera rises after the blow.
+/// Moments between which the camera rises from behind the cue.
 pub(super) const RISE_SECS: Range<f64> = 0.1..1.7;
-/// Where the camera need not rise it is at its place when the balls begin to move.
+/// Moments between which the camera moves in other views, so that it is in place when the balls begin to
+/// move.
 pub(super) const ARRIVE_SECS: Range<f64> = -0.2..0.2;
-/// From one view to another during a shot.
+/// Duration of the move to another view during a shot.
 const TURN_SECS: f64 = 0.6;

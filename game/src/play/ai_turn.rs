@@ -1,5 +1,5 @@
-//! The computer at the table: as a player, as an adviser, and in a person's place. It thinks beside the
-//! window; what it does is seen, the cue turning to the shot before it strikes.
+//! Turns of the computer: as a player, as an adviser, and in place of a person. The search runs on a
+//! thread; the shot is animated, with the cue turning to it before it strikes.
 
 use carom_billiards::Result;
 use carom_billiards::ai::{AiWorker, Decision, Skill};
@@ -10,26 +10,26 @@ use crate::camera::{smoothstep, wrap_rad};
 
 use super::aim::Aim;
 
-/// A decision in the making.
+/// A running search for a shot.
 #[derive(Debug)]
 pub(super) struct AiTurn {
     thinking: AiWorker,
-    /// What it is for.
+    /// Purpose of the search.
     pub(super) purpose: AiTask,
     skill: Skill,
 }
 
-/// What the computer thinks for.
+/// Purpose of a search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum AiTask {
-    /// To play its own shot, or a person's who asked for it.
+    /// Play the shot, the computer's own or one requested by a person.
     Play,
-    /// To tell a person.
+    /// Suggest the shot to a person.
     Advise,
 }
 
 impl AiTurn {
-    /// The computer's own shot.
+    /// Starts a search for the computer's own shot.
     ///
     /// # Errors
     /// Those of [`AiWorker::start`].
@@ -42,7 +42,7 @@ impl AiTurn {
         })
     }
 
-    /// A person's shot.
+    /// Starts a search for a person's shot.
     ///
     /// # Errors
     /// Those of [`Match::start_hint`].
@@ -54,7 +54,7 @@ impl AiTurn {
         })
     }
 
-    /// The decision, once it is made.
+    /// The decision, once the search has finished.
     ///
     /// # Errors
     /// Those of [`AiWorker::poll`].
@@ -63,18 +63,18 @@ impl AiTurn {
         Ok(decision.map(|decision| (decision, self.skill)))
     }
 
-    /// Takes the best of what was found so far.
+    /// Ends the search with the best shot found so far.
     pub(super) fn hurry(&self) {
         self.thinking.finish_now();
     }
 }
 
-/// A shot of the computer's on its way to the blow.
+/// The computer's shot, with the animation of the cue before it.
 #[derive(Debug)]
 pub(super) struct PlannedStroke {
     pub(super) stroke: Stroke,
     pub(super) shot: Shot,
-    /// What it is to do, a sentence.
+    /// Sentence about the intended result.
     pub(super) intention: String,
     since_secs: f64,
     from: Aim,
@@ -82,7 +82,7 @@ pub(super) struct PlannedStroke {
 }
 
 impl PlannedStroke {
-    /// From where the cue points at `now_secs`.
+    /// An animation that begins at `now_secs` with the aim `from`.
     pub(super) fn new(
         (stroke, shot): (Stroke, Shot),
         intention: String,
@@ -99,7 +99,7 @@ impl PlannedStroke {
         }
     }
 
-    /// Where the cue points at `now_secs`.
+    /// The aim at `now_secs`.
     pub(super) fn aim(&self, now_secs: f64) -> Aim {
         let s = smoothstep((now_secs - self.since_secs) / TURN_SECS);
         let mix = |a: f64, b: f64| a + (b - a) * s;
@@ -113,25 +113,25 @@ impl PlannedStroke {
         }
     }
 
-    /// The share of the way back that the cue is drawn; none before it is.
+    /// Share of the cue's travel by which it is drawn back; none before it is.
     pub(super) fn drawn(&self, now_secs: f64) -> Option<f64> {
         let share = (now_secs - self.since_secs - TURN_SECS - REST_SECS) / DRAW_SECS;
         (share > 0.0).then(|| smoothstep(share))
     }
 
-    /// Whether the cue is drawn back and the blow is due.
+    /// Whether the cue is drawn back and the stroke is due.
     pub(super) fn is_due(&self, now_secs: f64) -> bool {
         now_secs - self.since_secs >= PLAN_SECS
     }
 
-    /// Makes the blow due at `now_secs`.
+    /// Makes the stroke due at `now_secs`.
     pub(super) fn hurry(&mut self, now_secs: f64) {
         self.since_secs = self.since_secs.min(now_secs - PLAN_SECS);
     }
 }
 
-/// The cue turns to the shot, rests there and is drawn back: long enough to read the intention, of some
-/// eight words, and to see the ball and the pocket.
+/// Times in which the cue turns to the shot, rests and is drawn back: long enough to read the intention,
+/// about eight words, and to find the ball and the pocket.
 const TURN_SECS: f64 = 1.0;
 const REST_SECS: f64 = 1.2;
 const DRAW_SECS: f64 = 0.6;

@@ -1,26 +1,26 @@
-//! The aim of the cue, and its speed at each power.
+//! Aim of the cue, and the mapping from power to speed.
 
 use carom_billiards::physics::Stroke;
 use glam::DVec2;
 
 use crate::camera::wrap_rad;
 
-/// The cue's speed at full power, m/s: a hard break.
+/// Speed of the cue at full power, m/s: a hard break.
 pub const CUE_SPEED_M_S_MAX: f64 = 10.0;
 
-/// Where the cue points, and the power that is set.
+/// Direction of the cue, contact point, and power.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aim {
     /// Direction of the cue, radians from +x towards +y.
     pub bearing_rad: f64,
-    /// The tip's place on the cue ball, in ball radii to the right and up.
+    /// Contact point of the tip on the cue ball, in ball radii to the right and up.
     pub tip: DVec2,
-    /// How far the butt is raised, radians, up to [`Stroke::ELEVATION_MAX_RAD`]: at least so far
+    /// Elevation of the cue in radians, up to [`Stroke::ELEVATION_MAX_RAD`] and at least such
     /// that the cue passes over rails and balls.
     pub elevation_rad: f64,
-    /// The power of the next stroke, 0 to 1, unless the hand says otherwise.
+    /// Power of the next stroke, 0 to 1, if the stroke itself does not determine it.
     pub power: f64,
-    /// How far the player wants the butt raised, radians.
+    /// Elevation set by the player, radians.
     pub(super) wanted_rad: f64,
 }
 
@@ -56,43 +56,44 @@ impl Aim {
         }
     }
 
-    /// Turns the cue to the left.
+    /// Turns the cue to the left by an angle.
     pub fn turn(&mut self, by_rad: f64) {
         self.bearing_rad = wrap_rad(self.bearing_rad + by_rad);
     }
 
-    /// Sets the tip, in ball radii to the right and up.
+    /// Sets the contact point, in ball radii to the right and up, at most `TIP_RADII_MAX` from the centre.
     pub fn set_tip(&mut self, tip: DVec2) {
         self.tip = tip.clamp_length_max(TIP_RADII_MAX);
     }
 
-    /// Sets the power; below 0 and above 1 as those.
+    /// Sets the power, clamped to 0..=1.
     pub fn set_power(&mut self, power: f64) {
         self.power = power.clamp(0.0, 1.0);
     }
 
-    /// Raises the butt by so many radians, from where it is.
+    /// Raises the butt by an angle in radians from its present elevation.
     pub fn elevate(&mut self, by_rad: f64) {
         self.wanted_rad = (self.elevation_rad + by_rad).clamp(0.0, Stroke::ELEVATION_MAX_RAD);
     }
 
-    /// Puts the tip in the middle and lays the cue as level as it can lie.
+    /// Sets the contact point to the centre and the wanted elevation to 0.
     pub fn level(&mut self) {
         (self.tip, self.wanted_rad) = (DVec2::ZERO, 0.0);
     }
 }
 
-/// The cue's speed at `power` from 0 to 1: quadratic, so that soft shots have room.
+/// Speed of the cue at `power` from 0 to 1: quadratic, for finer control of soft shots.
 pub fn cue_speed_m_s(power: f64) -> f64 {
     CUE_SPEED_M_S_MIN + (CUE_SPEED_M_S_MAX - CUE_SPEED_M_S_MIN) * power * power
 }
 
-/// The power of a cue of that speed: the inverse of [`cue_speed_m_s`], within 0 to 1.
+/// Power of a speed of the cue: the inverse of [`cue_speed_m_s`], clamped to 0..=1.
 pub fn power_of_speed(speed_m_s: f64) -> f64 {
     let share = (speed_m_s - CUE_SPEED_M_S_MIN) / (CUE_SPEED_M_S_MAX - CUE_SPEED_M_S_MIN);
     share.clamp(0.0, 1.0).sqrt()
 }
 
 const CUE_SPEED_M_S_MIN: f64 = 0.15;
-/// The tip can be set beyond where it slips off the ball, about 0.51: that is the player's risk.
+/// Largest distance of the contact point from the centre, in ball radii. Beyond about 0.51 the tip slips
+/// off the ball, which is the player's risk.
 const TIP_RADII_MAX: f64 = 0.6;

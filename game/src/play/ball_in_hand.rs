@@ -1,4 +1,5 @@
-//! A cue ball in hand: carried over the table, put down where the rules and the other balls allow it.
+//! Ball in hand: the player moves the cue ball over the table and places it where rules and other balls
+//! allow it.
 
 use carom_billiards::PlacementFault;
 use carom_text::text;
@@ -8,19 +9,19 @@ use crate::input::{AimIntent, StrokeIntent};
 
 use super::{Game, TurnPhase};
 
-/// A cue ball that is carried.
+/// A carried cue ball.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BallInHand {
-    /// Where it is held, in m.
+    /// Position over the table, in m.
     pub at: DVec2,
-    /// Whether it may be put down there, or why not.
+    /// Whether it may be placed there, or the reason why not.
     pub verdict: Result<(), PlacementFault>,
-    /// Where it was taken up.
+    /// Position where it was picked up.
     from: DVec2,
 }
 
 impl Game {
-    /// The cue ball that is carried, if it is.
+    /// The carried cue ball, if it is carried.
     pub fn ball_in_hand(&self) -> Option<&BallInHand> {
         match &self.phase {
             TurnPhase::Placing(ball_in_hand) => Some(ball_in_hand),
@@ -28,7 +29,7 @@ impl Game {
         }
     }
 
-    /// Takes the cue ball up, or puts it down again.
+    /// Picks the cue ball up, or places it.
     pub(super) fn pick_up(&mut self) {
         if matches!(self.phase, TurnPhase::Placing(_)) {
             return self.put_down();
@@ -44,7 +45,7 @@ impl Game {
         });
     }
 
-    /// Holds the ball that is carried over a point of the window.
+    /// Moves the carried ball to a point of the window.
     pub(super) fn point(&mut self, point: DVec2, now_secs: f64) {
         if !matches!(self.phase, TurnPhase::Placing(_)) {
             return;
@@ -55,8 +56,7 @@ impl Game {
         }
     }
 
-    /// Moves the ball that is carried by the keys of the aim; false if there is none, or the change is
-    /// of something else.
+    /// Moves the carried ball by the controls of the aim; false if none is carried or the intent is another.
     pub(super) fn carry(&mut self, intent: AimIntent) -> bool {
         let TurnPhase::Placing(ball_in_hand) = &self.phase else {
             return false;
@@ -70,7 +70,7 @@ impl Game {
         true
     }
 
-    /// Puts down or back the ball that is carried by the keys of the stroke.
+    /// Places the carried ball, or puts it back, by the controls of the stroke.
     pub(super) fn stroke_in_hand(&mut self, intent: StrokeIntent) {
         match intent {
             StrokeIntent::Strike | StrokeIntent::BeginCharge => self.put_down(),
@@ -83,7 +83,7 @@ impl Game {
         }
     }
 
-    /// So much to the right and away on the screen, on the table.
+    /// Converts a displacement to the right and away on screen to one on the table.
     fn on_screen(&self, by: DVec2) -> DVec2 {
         let ahead = DVec2::from_angle(self.seen_from.bearing_rad);
         ahead * by.y - ahead.perp() * by.x
@@ -92,7 +92,7 @@ impl Game {
     fn carry_to(&mut self, at: DVec2) {
         let verdict = self.contest.may_place(at);
         if verdict.is_ok() {
-            // The picture shows it where it may lie.
+            // The traced ball follows only to legal positions.
             let _ = self.contest.place(at);
             self.shot_preview = None;
         }
@@ -115,14 +115,15 @@ impl Game {
     pub(super) fn put_back(&mut self) {
         if let TurnPhase::Placing(ball_in_hand) = &self.phase {
             let from = ball_in_hand.from;
-            // It lay there before.
+            // Cannot fail: the ball was there before.
             let _ = self.contest.place(from);
         }
         self.get_ready();
     }
 }
 
-/// A key's way, 5 % of a ball radius for the tip, is 20 mm here, and 2 mm in fine steps.
+/// Distance per ball radius of the tip's motion: a key press, 5 % of a radius, moves the ball by 20 mm, 2
+/// mm in fine mode.
 const TIP_M: f64 = 0.4;
-/// The way of a degree of aim.
+/// Distance per degree of the aim's rotation.
 const TURN_M: f64 = 0.02;

@@ -1,26 +1,26 @@
-//! The cue in the player's hand, while aiming and through the stroke.
+//! Position of the cue while aiming and during a stroke.
 
 use glam::{DVec2, DVec3};
 
 use super::aim::Aim;
 use crate::scene::cue_stick::{CuePose, GAP_M};
 
-/// How the cue is held while aiming and striking.
+/// State of the cue while aiming and striking.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CueView {
     /// Centre of the cue ball, metres.
     pub cue_ball: DVec3,
-    /// Direction of the cue, radians from +x towards +y.
+    /// Horizontal direction of the cue, radians from +x towards +y.
     pub bearing_rad: f64,
-    /// The tip's place on the cue ball, in ball radii to the right and up.
+    /// Contact point of the tip on the cue ball, in ball radii to the right and up.
     pub tip: DVec2,
-    /// How far the butt is raised, radians.
+    /// Elevation of the cue, radians.
     pub elevation_rad: f64,
-    /// The power that is set, or that the hand has drawn, 0 to 1.
+    /// Power that is set, or of the stroke in progress, 0 to 1.
     pub power: f64,
-    /// Whether a stroke is on.
+    /// Whether a stroke is in progress.
     pub is_drawn: bool,
-    /// From the cue ball to the tip, metres.
+    /// Distance from the cue ball to the tip, metres.
     pub gap_m: f64,
 }
 
@@ -48,10 +48,9 @@ impl CueView {
         }
     }
 
-    /// The cue that was drawn, at `clock_secs` of a shot, negative before the blow; nothing once it
-    /// is taken away.
+    /// The drawn cue at `clock_secs` of a shot, negative before the contact; none once it is withdrawn.
     pub fn swung(self, clock_secs: f64) -> Option<Self> {
-        // Faster and faster towards the ball, as a real stroke is.
+        // Uniform acceleration towards the ball.
         let s = (1.0 + clock_secs / SWING_SECS.start).clamp(0.0, 1.0);
         (clock_secs < FOLLOW_SECS).then_some(Self {
             gap_m: self.gap_m * (1.0 - s * s),
@@ -59,7 +58,7 @@ impl CueView {
         })
     }
 
-    /// Where it is, for a cue ball of `radius_m`.
+    /// Position and direction of the cue, for a cue ball of `radius_m`.
     pub fn pose(&self, radius_m: f64) -> CuePose {
         let along = DVec2::from_angle(self.bearing_rad).extend(0.0);
         let across = DVec3::new(along.y, -along.x, 0.0);
@@ -75,11 +74,11 @@ impl CueView {
     }
 }
 
-/// How far full power draws the cue back.
+/// Distance by which the cue is drawn back at full power.
 pub(super) const DRAW_M: f64 = 0.2;
-/// From letting go to the blow. With a display's period of 17 ms it stays under the 100 ms within
-/// which people take an answer for immediate (Miller, "Response Time in Man-Computer Conversational
+/// Range of the time from release to contact. With a display's period of 17 ms it stays below the 100 ms
+/// within which a response is perceived as immediate (Miller, "Response Time in Man-Computer Conversational
 /// Transactions", 1968).
 pub(super) const SWING_SECS: std::ops::Range<f64> = 0.06..0.08;
-/// The cue stays this long after the blow.
+/// Time for which the cue stays visible after the contact.
 const FOLLOW_SECS: f64 = 0.35;

@@ -1,4 +1,4 @@
-//! Clearance of the cue: it passes over rails and balls, never through them.
+//! Clearance of the cue: the elevation at which it passes over rails and balls.
 
 use carom_billiards::physics::{BallState, Shot, Stroke, Table};
 use glam::{DVec2, DVec3};
@@ -7,7 +7,7 @@ use super::aim::Aim;
 use super::cue::{CueView, DRAW_M};
 use crate::scene::cue_stick::{CUE_LENGTH_M, CuePose, cue_radius_m};
 
-/// The cue ball and what may be in the cue's way.
+/// The cue ball and possible obstacles of the cue.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CueClearance<'a> {
     table: &'a Table,
@@ -16,7 +16,7 @@ pub(super) struct CueClearance<'a> {
 }
 
 impl<'a> CueClearance<'a> {
-    /// Over the balls as they lie; nothing without a cue ball on the table.
+    /// The clearance over the present balls; none without a cue ball on the table.
     pub(super) fn new(table: &'a Table, balls: &'a [BallState]) -> Option<Self> {
         let is_cue_ball = |ball: &&BallState| ball.number == 0 && ball.phase.is_on_table();
         Some(Self {
@@ -26,13 +26,13 @@ impl<'a> CueClearance<'a> {
         })
     }
 
-    /// Raises the cue as far as the player wants, and as what is in its way demands.
+    /// Sets the elevation to the one wanted by the player, or higher if obstacles demand it.
     pub(super) fn raise(&self, aim: &mut Aim) {
         aim.elevation_rad = self.lowest_clear_rad(aim, aim.wanted_rad);
     }
 
     /// The least elevation from `wanted_rad` up, in radians, at which the whole cue, drawn back or
-    /// not, is clear; the greatest there is if it never is.
+    /// not, is clear; the greatest allowed one if there is none.
     fn lowest_clear_rad(&self, aim: &Aim, wanted_rad: f64) -> f64 {
         let ground = self.ground(aim.bearing_rad);
         let clear = |elevation_rad: f64| {
@@ -47,7 +47,7 @@ impl<'a> CueClearance<'a> {
         let Some(mut high) = above.find(|e| clear(*e)) else {
             return Stroke::ELEVATION_MAX_RAD;
         };
-        // `low` is not clear and `high` is, from here to the end.
+        // Bisection with the invariant that `low` is not clear and `high` is.
         let mut low = high - STEP_RAD;
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
@@ -56,7 +56,8 @@ impl<'a> CueClearance<'a> {
         high
     }
 
-    /// The greatest height under the cue's width at each [`STRIDE_M`] behind the cue ball's centre.
+    /// The greatest height of the table under the cue's width, every [`STRIDE_M`] behind the cue ball's
+    /// centre.
     fn ground(&self, bearing_rad: f64) -> Vec<f64> {
         let back = -DVec2::from_angle(bearing_rad);
         let across = back.perp() * WIDTH_HALF_M;
@@ -75,8 +76,8 @@ impl<'a> CueClearance<'a> {
     }
 }
 
-/// The cue that a shot was struck with, as it is known by what the ball did: level, but for what is in its
-/// way, through the middle of the ball.
+/// The cue of a shot, reconstructed from the ball's velocity: through the centre of the ball, and level
+/// unless obstacles raise it.
 pub fn cue_of_shot(table: &Table, shot: &Shot) -> Option<CueView> {
     let balls = shot.states_at(0.0);
     let clearance = CueClearance::new(table, &balls)?;
@@ -89,9 +90,9 @@ pub fn cue_of_shot(table: &Table, shot: &Shot) -> Option<CueView> {
     Some(CueView::resting(clearance.cue_ball.position, &aim))
 }
 
-/// The cue in space.
+/// Position of the cue in space.
 struct CueShaft {
-    /// The middle of the tip's end, where it would touch the ball.
+    /// Centre of the tip's end when it touches the ball.
     tip: DVec3,
     back: DVec3,
     cue_ball: DVec2,
@@ -115,8 +116,10 @@ impl CueShaft {
         }
     }
 
-    /// Whether its underside is above the ground all along.
+    /// Whether its underside is above the ground along its whole length and travel.
     fn is_over(&self, ground: &[f64]) -> bool {
+        // `level` is the cosine of the elevation, `first_m` the tip's horizontal distance behind the cue
+        // ball's centre: both convert horizontal distances of the ground to distances along the cue.
         let level = self.back.truncate().length();
         let first_m = (self.tip.truncate() - self.cue_ball).dot(self.back.truncate()) / level;
         ground.iter().enumerate().all(|(stride, height)| {
@@ -125,7 +128,7 @@ impl CueShaft {
                 return true;
             }
             let axis_m = self.tip.z + along_m * self.back.z;
-            // Along a plumb line the underside is the radius over the cosine of the elevation below the
+            // Measured vertically, the underside is the radius over the cosine of the elevation below the
             // axis.
             axis_m - cue_radius_m(along_m) / level >= height + MARGIN_M
         })
@@ -142,7 +145,8 @@ impl CueShaft {
     }
 }
 
-/// Height of what a cue could lie on at a place seen from above, in m over the cloth.
+/// Height of the table's surface at a position seen from above, in m above the cloth; `f64::MIN` outside
+/// and over pockets.
 fn top_m(table: &Table, place: DVec2) -> f64 {
     if table.is_rail_under(place) {
         return table.rail_height_m();
@@ -164,12 +168,12 @@ fn top_m(table: &Table, place: DVec2) -> f64 {
 }
 
 const STEP_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
-/// To less than 1e-4 of a degree.
+/// Bisection steps: 0.5° / 2¹³ is below 1e-4 of a degree.
 const HALVINGS: u32 = 13;
 const STRIDE_M: f64 = 0.004;
-/// The thickest part of the cue to either side.
+/// Largest radius of the cue, that of its butt.
 const WIDTH_HALF_M: f64 = 0.0145;
-/// Chrome on the rails, and a hand's steadiness.
+/// Least distance of the cue from obstacles.
 const MARGIN_M: f64 = 0.002;
 
 #[cfg(test)]

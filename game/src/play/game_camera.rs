@@ -1,4 +1,4 @@
-//! The camera of a game: from where the player looks, before a stroke, during a shot and after it.
+//! Camera of a game, while aiming and during a shot.
 
 use carom_billiards::physics::{self, AimContact, Pocket};
 use carom_billiards::rules::Call;
@@ -13,33 +13,33 @@ use crate::camera::{
 use super::{Game, LINE_POWER, TurnPhase};
 
 impl Game {
-    /// Follows the window and its panels.
+    /// Sets the window and its free part.
     pub fn set_framing(&mut self, framing: Framing) {
         self.framing = framing;
     }
 
-    /// The window, and what panels leave of it.
+    /// The window and its free part.
     pub fn framing(&self) -> Framing {
         self.framing
     }
 
-    /// The camera's map to the window, at `moment_secs` of the shot that is on, else now.
+    /// The camera's projection to the window, at `moment_secs` of the present shot, or now.
     pub fn projection(&self, moment_secs: f64) -> Projection {
         let film = self.framing.film;
         Projection::new(&self.camera(moment_secs), film.x, film.y)
     }
 
-    /// Lets the camera cut to where it would glide.
+    /// Sets whether the camera cuts instead of moving.
     pub fn set_instant_camera(&mut self, instant_camera: bool) {
         self.instant_camera = instant_camera;
     }
 
-    /// The camera at `moment_secs` of the shot that is on, else now.
+    /// The camera at `moment_secs` of the present shot, or now.
     pub fn camera(&self, moment_secs: f64) -> Camera {
         self.viewpoint(moment_secs).camera()
     }
 
-    /// The view at `moment_secs` of the shot that is on, else now.
+    /// The viewpoint at `moment_secs` of the present shot, or now.
     pub fn viewpoint(&self, moment_secs: f64) -> Viewpoint {
         match self.active() {
             Some(active) => active.viewpoint(moment_secs, &self.views, self.table(), self.framing),
@@ -47,12 +47,12 @@ impl Game {
         }
     }
 
-    /// The view that is chosen.
+    /// The chosen view.
     pub fn view(&self) -> CameraView {
         self.views.view()
     }
 
-    /// Turns the camera, or chooses another view.
+    /// Applies a command to the camera.
     pub fn look(&mut self, intent: CameraIntent, now_secs: f64) {
         let active = self.active();
         let moment_secs = active.map_or(0.0, |active| active.clock_secs(now_secs));
@@ -68,7 +68,7 @@ impl Game {
     }
 
     pub(super) fn aim_view(&self) -> Viewpoint {
-        // Nobody aims while the cue ball is put down, and once the match is over.
+        // The whole table is shown while the cue ball is placed, and once the match is over.
         let is_wide =
             matches!(self.phase, TurnPhase::Placing(_)) || self.contest.at_table().is_none();
         self.views.viewpoint(&ViewContext {
@@ -82,15 +82,15 @@ impl Game {
         })
     }
 
-    /// Looks on from where the player stood before the shot that is watched.
+    /// Returns to the view before the present shot, if there is one.
     pub(super) fn look_from_before(&mut self) {
         if let Some(from) = self.active().map(|active| active.from) {
             self.seen_from = from;
         }
     }
 
-    /// The pocket that is played to, if the view depends on it: the one that is called, else the one
-    /// ahead of the ball that the aim meets first.
+    /// The target pocket, if the view depends on it: the called one, or the one nearest to the direction of
+    /// the ball that the aim meets first.
     pub(super) fn pocket_ahead(&self) -> Option<usize> {
         if self.views.view() != CameraView::Pocket {
             return None;

@@ -1,11 +1,11 @@
-//! A match as it is played: aim, draw the cue back, strike, watch, and so on with whoever is next.
+//! State machine of a match in play: aim, draw the cue back, strike, watch the shot, next turn.
 //!
 //! ```text
 //! turn_control ─▶ ball_in_hand ─▶ aim ─┬▶ shot_preview
 //!  │                                   └▶ stroke_input ─▶ active_shot ─▶ turn_control
 //!  └─▶ ai_turn (the computer's turn) ────────────────────────▲
 //! ```
-//! Knows neither window nor farm; time is an argument.
+//! Uses neither window nor farm; time is an argument.
 
 mod active_shot;
 mod ai_turn;
@@ -52,7 +52,7 @@ pub use shot_preview::{AimAids, BallMarks, BallPath, PathEnd, ShotPreview};
 use shot_worker::ShotWorker;
 use stroke_input::StrokeInput;
 
-/// A match, and how it is looked at.
+/// A match in play, with its camera.
 #[derive(Debug)]
 pub struct Game {
     contest: Match,
@@ -67,40 +67,40 @@ pub struct Game {
     aids: AimAids,
     shot_preview: Option<(Stroke, Option<ShotPreview>)>,
     notice: Option<String>,
-    /// The window, and what panels leave of it.
+    /// The window and its free part.
     framing: Framing,
-    /// Whether the power was set for a break.
+    /// Whether the power is set for a break.
     is_break: bool,
     particle_precision: physics::ParticlePrecision,
 }
 
-/// What the player is doing.
+/// Phase of a turn.
 #[derive(Debug)]
 enum TurnPhase {
-    /// Looking for the shot.
+    /// The player aims, or the computer searches a shot.
     Aiming,
-    /// Carrying the cue ball.
+    /// The player places the cue ball.
     Placing(BallInHand),
-    /// Seeing the computer take aim.
+    /// The computer's cue turns to its shot.
     Planned(Box<PlannedStroke>),
-    /// Striking.
+    /// A stroke is in progress.
     Stroking(StrokeInput),
-    /// Waiting, the cue drawn back, for what a shot through particles will be.
+    /// A shot through particles is being simulated, with the cue drawn back.
     Simulating(Box<ShotWorker>),
-    /// Watching.
+    /// A shot is on show.
     Watching(Box<ActiveShot>),
 }
 
 impl Game {
-    /// A free table, freshly racked; `seed` draws the racks.
+    /// A free table, freshly racked; `seed` determines the racks.
     ///
     /// # Errors
-    /// A sentence if the physics refuses its own table.
+    /// If the balls cannot be placed on the table.
     pub fn new(seed: u32) -> carom_billiards::Result<Self> {
         Ok(Self::of(free_table(TableScene::table(), seed)?))
     }
 
-    /// A match where it stands.
+    /// A game that continues a match.
     pub fn of(contest: Match) -> Self {
         let table = contest.world().table();
         let mut game = Self {
@@ -125,7 +125,8 @@ impl Game {
         game
     }
 
-    /// Plays with the aids, the physics and the camera cuts of another game, and counts its shots on.
+    /// Takes over the aids, the physics engine, the precision of particles, the camera cuts and the number
+    /// of shots of another game.
     pub fn inherit_options(&mut self, other: &Self) {
         (self.aids, self.instant_camera, self.shots) =
             (other.aids, other.instant_camera, other.shots);
@@ -133,26 +134,26 @@ impl Game {
         self.particle_precision = other.particle_precision;
     }
 
-    /// How finely what is laid on the table is simulated.
+    /// Precision of newly placed particles.
     pub fn particle_precision(&self) -> physics::ParticlePrecision {
         self.particle_precision
     }
 
-    /// Simulates what is laid on the table from now on as finely as this.
+    /// Sets the precision of newly placed particles.
     pub fn set_particle_precision(&mut self, precision: physics::ParticlePrecision) {
         self.particle_precision = precision;
     }
 
-    /// Lets something else move the balls from the next stroke on.
+    /// Sets the physics engine from the next stroke on.
     pub fn set_engine(&mut self, engine: physics::Engine) {
         self.contest.set_engine(engine);
         self.shot_preview = None;
     }
 
-    /// Puts balls and particles of a free table so, with nothing in motion.
+    /// Arranges balls and particles of a free table, at rest.
     ///
     /// # Errors
-    /// A sentence if they cannot lie like this, or in a game with rules; it stays as it was.
+    /// If they cannot be placed like this, or the game has rules; nothing has changed then.
     pub fn lay(&mut self, layout: &PracticeLayout) -> carom_billiards::Result<()> {
         self.contest
             .arrange(&layout.balls, layout.particles.clone())?;
@@ -162,22 +163,22 @@ impl Game {
         Ok(())
     }
 
-    /// The balls as they lay before the shot that is on, else as they lie.
+    /// The table before the present shot, or at rest.
     pub fn world(&self) -> &World {
         self.contest.world()
     }
 
-    /// What is played on.
+    /// The table.
     pub fn table(&self) -> &Table {
         self.contest.world().table()
     }
 
-    /// The shot that is on.
+    /// The present shot, if one is on show.
     pub fn shot(&self) -> Option<&Shot> {
         self.active().map(|active| &active.shot)
     }
 
-    /// The shot that is watched.
+    /// The present shot with its clock and camera.
     fn active(&self) -> Option<&ActiveShot> {
         match &self.phase {
             TurnPhase::Watching(active) => Some(active),
@@ -185,22 +186,22 @@ impl Game {
         }
     }
 
-    /// What was asked for; a fault becomes the answer to the player.
+    /// The result of an action; an error becomes the notice to the player.
     fn report<T>(&mut self, done: carom_billiards::Result<T>) -> Option<T> {
         done.map_err(|why| self.notice = Some(why.to_string())).ok()
     }
 
-    /// How many shots were played or shown.
+    /// Number of shots played so far.
     pub fn shots(&self) -> u64 {
         self.shots
     }
 
-    /// The shot that is being played for the first time, with its number.
+    /// The present shot with its number.
     pub fn fresh_shot(&self) -> Option<(u64, &Shot)> {
         self.shot().map(|shot| (self.shots, shot))
     }
 
-    /// Gives up the stroke that is begun or the ball that is carried; false if there is neither.
+    /// Cancels the stroke in progress or puts the carried ball back; false if there is neither.
     pub fn escape(&mut self) -> bool {
         match &self.phase {
             TurnPhase::Stroking(_) => self.cancel(),
@@ -211,7 +212,8 @@ impl Game {
         true
     }
 
-    /// Lets time pass: the camera glides, a shot that is over ends.
+    /// Advances to `now_secs`: ends a shot that is over, follows the computer's turn, moves the camera by
+    /// `dt_secs`.
     pub fn tick(&mut self, now_secs: f64, dt_secs: f64) {
         match &self.phase {
             TurnPhase::Watching(active)
@@ -231,7 +233,7 @@ impl Game {
         }
     }
 
-    /// The clock of the shot that is on.
+    /// The clock of the present shot.
     pub fn shot_clock(&self, now_secs: f64) -> Option<ShotClock> {
         let active = self.active()?;
         Some(ShotClock {
@@ -241,7 +243,7 @@ impl Game {
         })
     }
 
-    /// The balls at `moment_secs` of the shot that is on, else as they lie.
+    /// The balls at `moment_secs` of the present shot, or at rest.
     pub fn poses(&self, moment_secs: f64) -> Vec<BallPose> {
         match self.shot() {
             Some(shot) => shot.poses_at(moment_secs.max(0.0)),
@@ -249,7 +251,7 @@ impl Game {
         }
     }
 
-    /// The particles at `moment_secs` of the shot that is on, else as they lie.
+    /// The particles at `moment_secs` of the present shot, or at rest.
     pub fn particles(&self, moment_secs: f64) -> ParticleMoment {
         match self.active() {
             Some(active) => active.particles(moment_secs),
@@ -257,12 +259,12 @@ impl Game {
         }
     }
 
-    /// The cue at `moment_secs` of the shot that is on.
+    /// The cue at `moment_secs` of the present shot.
     pub fn cue_in_shot(&self, moment_secs: f64) -> Option<CueView> {
         self.active()?.cue.clone()?.swung(moment_secs)
     }
 
-    /// Cue and aim, while there is one to show.
+    /// The cue with its aim, if it is visible.
     pub fn cue(&self, now_secs: f64) -> Option<CueView> {
         let resting = CueView::resting(self.cue_ball()?, &self.aim);
         match &self.phase {
@@ -278,12 +280,11 @@ impl Game {
         }
     }
 
-    /// Where the balls would go, by the code that moves them, as far as the aids show it; nothing
-    /// during a shot.
+    /// Preview of the stroke by the same physics code, as far as the aids show it; none during a shot.
     pub fn shot_preview(&mut self, now_secs: f64) -> Option<&ShotPreview> {
         let power = match &self.phase {
             TurnPhase::Aiming => self.aim.power,
-            // Of a swing nothing is known before the blow.
+            // The speed of a swing is not known before the contact.
             TurnPhase::Stroking(input) => input.power(now_secs).unwrap_or(self.aim.power),
             _ => return None,
         };
@@ -292,7 +293,8 @@ impl Game {
         }
         let stroke = match self.aids {
             AimAids::Full => self.aim.stroke(power),
-            // Where the balls go at first depends little on the power.
+            // The path to the first contact hardly depends on the power: a fixed one lets the preview be
+            // reused.
             _ => self.aim.stroke(LINE_POWER),
         };
         let known = self.shot_preview.take().filter(|(of, _)| *of == stroke);
@@ -303,24 +305,24 @@ impl Game {
         preview.as_ref()
     }
 
-    /// Shows more or less of the shot to come.
+    /// Sets how much of a shot is previewed.
     pub fn set_aids(&mut self, aids: AimAids) {
         if std::mem::replace(&mut self.aids, aids) != aids {
             self.shot_preview = None;
         }
     }
 
-    /// Where the cue points.
+    /// The present aim.
     pub fn aim(&self) -> Aim {
         self.aim
     }
 
-    /// The answer to what the player did last, once.
+    /// Takes the response to the player's last action.
     pub fn take_notice(&mut self) -> Option<String> {
         self.notice.take()
     }
 
-    /// Whether time alone changes what is seen.
+    /// Whether the view changes with time.
     pub fn is_moving(&self) -> bool {
         match &self.phase {
             TurnPhase::Stroking(StrokeInput::Charging(_))
@@ -331,7 +333,7 @@ impl Game {
         }
     }
 
-    /// Changes the aim; moves a cue ball that is carried.
+    /// Changes the aim, or moves a carried cue ball.
     pub fn change_aim(&mut self, intent: AimIntent, now_secs: f64) {
         if self.carry(intent) {
             return;
@@ -339,7 +341,7 @@ impl Game {
         let is_aiming = matches!(self.phase, TurnPhase::Aiming) && self.may_play();
         match intent {
             AimIntent::AimAt(point) => self.aim_at(point, now_secs),
-            // A blow that is under way is struck where it was aimed.
+            // The aim is fixed while a stroke is in progress.
             _ if !is_aiming => {}
             AimIntent::Turn(angle_rad) => self.aim.turn(angle_rad),
             AimIntent::MoveTip(by) => self.aim.set_tip(self.aim.tip + by),
@@ -352,7 +354,7 @@ impl Game {
         self.clear_cue();
     }
 
-    /// Raises the cue over what is in its way.
+    /// Raises the cue over rails and balls in its way.
     fn clear_cue(&mut self) {
         let balls = self.contest.world().balls();
         if let Some(clearance) = CueClearance::new(self.contest.world().table(), &balls) {
@@ -399,10 +401,10 @@ impl Game {
     }
 }
 
-/// A table without rules, for one.
+/// A match without rules for one player.
 ///
 /// # Errors
-/// A sentence if the balls cannot lie on it.
+/// If the balls cannot be placed on the table.
 pub fn free_table(table: Table, seed: u32) -> carom_billiards::Result<Match> {
     Match::new(MatchConfig {
         table,
@@ -410,5 +412,5 @@ pub fn free_table(table: Table, seed: u32) -> carom_billiards::Result<Match> {
     })
 }
 
-/// The power at which the way to the first contact is shown.
+/// Power at which the path to the first contact is computed.
 const LINE_POWER: f64 = 0.4;

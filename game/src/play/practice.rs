@@ -1,7 +1,7 @@
-//! A table whose balls are put where the player likes, to practise from.
+//! Practice table, on which the player arranges balls and particles to play from.
 //!
 //! ```text
-//! grab ─▶ drag (where it would lie, and whether it may) ─▶ let_go
+//! grab ─▶ drag (to a position, with a check whether it is free) ─▶ let_go
 //! add, take_away, layout (a recording in which nothing moves)
 //! ```
 
@@ -19,49 +19,49 @@ use super::tricks::TrickTable;
 use crate::particles::ParticleMoment;
 use crate::{PracticeFault, Result};
 
-/// A command of the practice page.
+/// Command of the practice page.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PracticeCommand {
-    /// Take the ball at this place of the table, m, into the hand.
+    /// Pick up the ball at a position on the table, m.
     Grab(DVec2),
-    /// Move it there.
+    /// Move the held ball to a position.
     Drag(DVec2),
-    /// Put it down.
+    /// Put the held ball down.
     LetGo,
-    /// Put another ball on the table.
+    /// Add a ball, by number.
     Add(u8),
-    /// Take one off it.
+    /// Remove a ball, by number.
     TakeAway(u8),
-    /// Paint with this, or with nothing: then balls are taken into the hand.
+    /// Choose the material to paint with, or none, in which case balls can be moved.
     Brush(Option<ParticleMaterial>),
-    /// Cover the cloth around this place of the table, m.
+    /// Cover the cloth around a position on the table, m.
     Paint(DVec2),
-    /// Lay a trick table.
+    /// Set up a trick table.
     Trick(TrickTable),
-    /// Clear the cloth of all particles.
+    /// Remove all particles.
     Sweep,
     /// Save the layout as a file.
     Save,
-    /// Arrange the balls as a file has them.
+    /// Arrange the table as in a file.
     Open(PathBuf),
-    /// Play on with the balls as they are.
+    /// Continue play from this table.
     Play,
-    /// Go back to the game as it was.
+    /// Return to the unchanged game.
     Close,
 }
 
-/// A table that is being laid.
+/// A practice table.
 #[derive(Clone, Debug)]
 pub struct Practice {
     world: World,
     held: Option<HeldBall>,
     brush: Option<ParticleMaterial>,
-    /// What the cloth is covered with, by column and row.
+    /// Materials of the covered patches, by column and row.
     patches: BTreeMap<(i16, i16), ParticleMaterial>,
     precision: ParticlePrecision,
 }
 
-/// A table to play on from: what the practice page and replays hand over.
+/// State of a table to continue play from, of the practice page or a replay.
 #[derive(Clone, Debug)]
 pub struct PracticeLayout {
     /// The balls.
@@ -70,22 +70,23 @@ pub struct PracticeLayout {
     pub particles: Option<Arc<ParticleBed>>,
 }
 
-/// A ball in the hand.
+/// A held ball.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeldBall {
-    /// Which.
+    /// Number of the ball.
     pub number: u8,
-    /// Where its centre would be, seen from above, in m.
+    /// Position of its centre seen from above, in m.
     pub at: DVec2,
-    /// Why it cannot lie there; None if it can.
+    /// Reason why it cannot be placed there, if there is one.
     pub fault: Option<PracticeFault>,
 }
 
 impl Practice {
-    /// Begins with a table as it is; particles that are laid are simulated with this precision. Balls that are in motion come to rest where they are.
+    /// A practice table that begins as another table, with a precision for new particles. Moving balls are
+    /// stopped where they are.
     ///
     /// # Errors
-    /// [`carom_billiards::Error::Layout`] if balls that were in the air cannot lie below.
+    /// [`carom_billiards::Error::Layout`] if balls that were in the air cannot be placed below.
     pub fn new(world: &World, precision: ParticlePrecision) -> carom_billiards::Result<Self> {
         let patches = world.particles().map_or(&[][..], |bed| bed.patches());
         Ok(Self {
@@ -97,36 +98,36 @@ impl Practice {
         })
     }
 
-    /// What is painted with.
+    /// The material of the brush, if there is one.
     pub fn brush(&self) -> Option<ParticleMaterial> {
         self.brush
     }
 
-    /// Paints with this from now on, or with nothing.
+    /// Sets the material of the brush, or none.
     pub fn set_brush(&mut self, brush: Option<ParticleMaterial>) {
         (self.brush, self.held) = (brush, None);
     }
 
-    /// Whether painting there would change anything.
+    /// Whether painting at a position would change anything.
     pub fn is_bare(&self, at: DVec2) -> bool {
         self.dab(at).next().is_some()
     }
 
-    /// Covers the cloth around a place with what is painted with.
+    /// Covers the cloth around a position with the brush's material.
     ///
     /// # Errors
-    /// [`carom_billiards::Error::Particles`] if that is too much; it stays as it was.
+    /// [`carom_billiards::Error::Particles`] if there would be too many particles; nothing has changed then.
     pub fn paint(&mut self, at: DVec2) -> carom_billiards::Result<()> {
         let mut patches = self.patches.clone();
         patches.extend(
             self.dab(at)
                 .map(|patch| ((patch.column, patch.row), patch.material)),
         );
-        // A brush does not wait for grains to come to rest: they do when the table is played on.
+        // Particles are settled only before play, in `table_layout`, which would be too slow while painting.
         self.cover(patches, ParticleBed::unsettled)
     }
 
-    /// The patches under the brush that lie on the cloth and are not covered so.
+    /// The patches under the brush that are on the cloth and not yet covered with its material.
     fn dab(&self, at: DVec2) -> impl Iterator<Item = ParticlePatch> {
         let steps = (-1..=1).flat_map(|x| (-1..=1).map(move |y| DVec2::new(x.into(), y.into())));
         let places = steps.map(move |step| at + ParticlePatch::EDGE_M * step);
@@ -137,7 +138,7 @@ impl Practice {
         })
     }
 
-    /// Covers the cloth as a trick table has it, and nothing else.
+    /// Replaces all particles by those of a trick table.
     ///
     /// # Errors
     /// [`carom_billiards::Error::Particles`].
@@ -145,7 +146,7 @@ impl Practice {
         self.cover(by_place(&trick.patches()), ParticleBed::new)
     }
 
-    /// Takes all particles away.
+    /// Removes all particles.
     pub fn sweep(&mut self) {
         self.patches.clear();
         self.world.set_particles(None);
@@ -175,7 +176,7 @@ impl Practice {
         ParticleMoment::lying(&self.world)
     }
 
-    /// The table as it is to be played on from, its particles at rest.
+    /// The table to play from, with settled particles.
     ///
     /// # Errors
     /// [`carom_billiards::Error::Particles`] if they do not come to rest.
@@ -189,17 +190,17 @@ impl Practice {
         })
     }
 
-    /// The table, with a ball in the hand where it was before.
+    /// The table, with a held ball at its position before it was picked up.
     pub fn world(&self) -> &World {
         &self.world
     }
 
-    /// The ball in the hand.
+    /// The held ball, if there is one.
     pub fn held(&self) -> Option<&HeldBall> {
         self.held.as_ref()
     }
 
-    /// Takes the ball at a place into the hand, or the nearest one beside it; false if there is none.
+    /// Picks up the ball nearest to a position, within `REACH_RADII`; false if there is none.
     pub fn grab(&mut self, at: DVec2) -> bool {
         let distance = |ball: &BallState| ball.position.truncate().distance(at);
         let balls = self.world.balls().into_iter();
@@ -215,7 +216,7 @@ impl Practice {
         self.held.is_some()
     }
 
-    /// Moves the ball in the hand.
+    /// Moves the held ball.
     pub fn drag(&mut self, at: DVec2) {
         let Some(held) = &mut self.held else {
             return;
@@ -228,10 +229,10 @@ impl Practice {
         held.fault = placed.is_err().then_some(PracticeFault::NotClear);
     }
 
-    /// Puts the ball in the hand down.
+    /// Puts the held ball down.
     ///
     /// # Errors
-    /// [`PracticeFault::NotClear`]; it is back where it was.
+    /// [`PracticeFault::NotClear`]; the ball is then back where it was.
     pub fn let_go(&mut self) -> Result<(), PracticeFault> {
         let Some(HeldBall { number, at, .. }) = self.held.take() else {
             return Ok(());
@@ -240,7 +241,7 @@ impl Practice {
         placed.map_err(|_| PracticeFault::NotClear)
     }
 
-    /// Puts another ball on the table, as near to its middle as there is room, into the hand.
+    /// Adds a ball at the free position nearest to the table's centre.
     ///
     /// # Errors
     /// [`PracticeFault::OnTable`] and [`PracticeFault::NoRoom`].
@@ -263,7 +264,7 @@ impl Practice {
         Ok(())
     }
 
-    /// Takes a ball off the table; the one in the hand, if it is that.
+    /// Removes a ball from the table, also if it is held.
     ///
     /// # Errors
     /// [`PracticeFault::NotOnTable`].
@@ -290,7 +291,7 @@ impl Practice {
         numbers
     }
 
-    /// Where the balls are drawn, the one in the hand at the hand.
+    /// Poses of the balls for drawing, with a held ball at its new position.
     pub fn poses(&self) -> Vec<BallPose> {
         let balls = self.world.balls().into_iter();
         let pose = |ball: BallState| {
@@ -305,7 +306,7 @@ impl Practice {
         balls.map(pose).collect()
     }
 
-    /// The layout as a recording, to be kept and shared.
+    /// The layout as a recording.
     ///
     /// # Errors
     /// Those of [`World::release`].
@@ -314,10 +315,10 @@ impl Practice {
         Ok(Recording::of(self.world.table(), title, still))
     }
 
-    /// Lays balls and fresh particles as they lie at the start of a shot or in a layout.
+    /// Places the balls and new particles of a shot's start or a layout.
     ///
     /// # Errors
-    /// [`carom_billiards::Error::Layout`] if they cannot lie so on this table.
+    /// [`carom_billiards::Error::Layout`] if they cannot be placed so on this table.
     pub fn lay(
         &mut self,
         balls: Vec<BallState>,
@@ -333,7 +334,7 @@ impl Practice {
     }
 }
 
-/// The same places, with nothing in motion.
+/// Balls at the same positions, at rest.
 pub fn at_rest(mut balls: Vec<BallState>) -> Vec<BallState> {
     for ball in balls.iter_mut().filter(|ball| ball.phase.is_on_table()) {
         let still = BallState::at_rest(ball.number, ball.position.x, ball.position.y, &ball.body);
@@ -346,7 +347,7 @@ pub fn at_rest(mut balls: Vec<BallState>) -> Vec<BallState> {
     balls
 }
 
-/// How particles are laid on patches.
+/// Function that places particles on patches.
 type LayParticles = fn(
     &Table,
     &[BallState],
@@ -368,10 +369,11 @@ fn by_place(patches: &[ParticlePatch]) -> BTreeMap<(i16, i16), ParticleMaterial>
         .collect()
 }
 
-/// Places round the middle, nearest first, `step_m` apart.
+/// Positions on circles around the centre, the nearest first, about `step_m` apart.
 fn rings(step_m: f64, reach_m: f64) -> impl Iterator<Item = DVec2> {
     let rings = (reach_m / step_m).ceil() as u32;
     (0..rings).flat_map(move |ring| {
+        // The n-th circle has a circumference of 2π n steps: 6 n positions are about a step apart.
         let count = (6 * ring).max(1);
         (0..count).map(move |i| {
             let turn_rad = std::f64::consts::TAU * f64::from(i) / f64::from(count);
@@ -380,7 +382,7 @@ fn rings(step_m: f64, reach_m: f64) -> impl Iterator<Item = DVec2> {
     })
 }
 
-/// What is pointed at within so many radii of a ball is that ball.
+/// Distance from a ball within which it is picked up, in its radii.
 const REACH_RADII: f64 = 1.6;
 
 #[cfg(test)]
@@ -504,7 +506,7 @@ mod tests {
         let viewing = ReplayPlayer::new(read, practice.world().table(), 0.0).unwrap();
         let mut other = self::practice();
         other.lay(viewing.start().balls, viewing.patches()).unwrap();
-        // What is laid again lies as what was painted does once it is played on.
+        // Particles placed from the recording are in the same positions as painted ones after settling.
         let played = practice.table_layout().unwrap().particles.unwrap();
         assert_eq!(bed(&other).unwrap().centers(), played.centers());
         assert!(

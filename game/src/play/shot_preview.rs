@@ -1,4 +1,4 @@
-//! Preview of the shot to come: by the code that will play it.
+//! Preview of a shot, computed by the same physics code as the shot.
 
 use carom_billiards::physics::{self, AimLine, Shot, Stroke, World};
 use carom_text::text;
@@ -30,7 +30,7 @@ pub enum BallMarks {
 }
 
 impl AimAids {
-    /// The next, and after the last the first.
+    /// The next level, cyclically.
     #[must_use]
     pub fn next(self) -> Self {
         match self {
@@ -41,7 +41,7 @@ impl AimAids {
         }
     }
 
-    /// For people.
+    /// Display name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Off => text!("aids-off"),
@@ -52,41 +52,42 @@ impl AimAids {
     }
 }
 
-/// What a stroke will do, as far as it is shown.
+/// Predicted result of a stroke, as far as it is shown.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShotPreview {
-    /// Whether more than the cue ball's way is shown.
+    /// Level of detail.
     pub aids: AimAids,
-    /// To the first contact.
+    /// Line to the first contact.
     pub line: AimLine,
-    /// With [`AimAids::Full`]: of each ball that moves.
+    /// With [`AimAids::Full`] the path of each moving ball, otherwise empty.
     pub ways: Vec<BallPath>,
 }
 
-/// Where a ball goes.
+/// Path of a ball.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BallPath {
-    /// Its number.
+    /// Number of the ball.
     pub number: u8,
-    /// Centres, in m, from the stroke to the end.
+    /// Positions of its centre, in m, from the stroke to the end.
     pub path: Vec<DVec3>,
-    /// What ends it.
+    /// Reason for the path's end.
     pub end: PathEnd,
 }
 
-/// What ends a path that is shown.
+/// Reason for the end of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathEnd {
-    /// The ball rests on the table.
+    /// The ball comes to rest on the table.
     Rests,
-    /// It is in a pocket, or off the table.
+    /// The ball falls into a pocket or off the table.
     LeavesTable,
-    /// It touches particles, or a ball that has: how it goes on takes seconds to simulate.
+    /// The ball touches particles, or a ball that has: simulating its further path takes seconds.
     Particles,
 }
 
 impl ShotPreview {
-    /// Of `stroke`, up to where balls touch particles; nothing for a stroke that cannot be struck: striking it says why.
+    /// The preview of `stroke`, with paths up to contact with particles; none for a stroke that is refused,
+    /// for which striking gives the reason.
     pub(super) fn of(world: &World, stroke: Stroke, aids: AimAids) -> Option<Self> {
         if aids == AimAids::Off {
             return None;
@@ -104,8 +105,8 @@ impl ShotPreview {
     }
 }
 
-/// Sampled often enough to look smooth, and at each event, so that corners are sharp; each up to the time until which it
-/// is known, if there is one.
+/// Paths of the moving balls, sampled densely enough to look smooth, and at each event, so that corners are
+/// sharp. A ball's path ends at its time in `known_until_secs`, if that is not empty.
 fn ways(shot: &Shot, known_until_secs: &[f64]) -> Vec<BallPath> {
     let end_secs = shot.duration_secs();
     let pieces = ((end_secs / PIECE_SECS).ceil() as u32).clamp(1, PIECES_MAX);

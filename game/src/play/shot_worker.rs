@@ -1,4 +1,4 @@
-//! The simulation of a shot through particles, beside the window: it takes up to seconds.
+//! Simulation of a shot through particles on a thread, as it may take seconds.
 
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
@@ -10,18 +10,18 @@ use super::cue::CueView;
 /// A stroke whose shot is being simulated.
 #[derive(Debug)]
 pub(super) struct ShotWorker {
-    /// As it was struck.
+    /// The stroke.
     pub(super) stroke: Stroke,
-    /// The cue, drawn back until the shot is known.
+    /// The cue, drawn back until the simulation has finished.
     pub(super) cue: Option<CueView>,
     shot: Receiver<carom_billiards::Result<Shot>>,
 }
 
 impl ShotWorker {
-    /// Begins.
+    /// Starts the simulation.
     ///
     /// # Errors
-    /// [`carom_billiards::Error::NoThread`] if the system gives none.
+    /// [`carom_billiards::Error::NoThread`] if the thread cannot be started.
     pub(super) fn start(
         world: &World,
         stroke: Stroke,
@@ -30,7 +30,7 @@ impl ShotWorker {
         let (sender, shot) = channel();
         let world = world.clone();
         let run = move || {
-            // Nobody waits any more once the table was laid anew.
+            // The receiver is gone if the shot was cancelled.
             let _ = sender.send(world.strike(stroke));
         };
         thread::Builder::new()
@@ -40,7 +40,7 @@ impl ShotWorker {
         Ok(Self { stroke, cue, shot })
     }
 
-    /// The shot once it is known; none while it is not.
+    /// The result, once the simulation has finished.
     pub(super) fn poll(&self) -> Option<carom_billiards::Result<Shot>> {
         match self.shot.try_recv() {
             Ok(shot) => Some(shot),

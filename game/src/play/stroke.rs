@@ -1,4 +1,4 @@
-//! The stroke and its shot: the cue is drawn back, strikes, and the balls are watched until they lie.
+//! The stroke and its shot, from drawing the cue back until the balls rest.
 
 use std::cell::OnceCell;
 
@@ -15,8 +15,8 @@ use super::stroke_input::{StrokeInput, SwingInput};
 use super::{CueView, Game, TurnPhase};
 
 impl Game {
-    /// Goes on with the stroke. It meets the ball `lead_secs` later, so that its first pictures are
-    /// ready by then, but never so late that the player would wait.
+    /// Applies a step of a stroke. The contact is `lead_secs` later, so that the shot's first frames are
+    /// ready by then, clamped to `SWING_SECS`, so that the delay is not noticeable.
     pub fn stroke(&mut self, intent: StrokeIntent, now_secs: f64, lead_secs: f64) {
         if matches!(self.phase, TurnPhase::Placing(_)) {
             return self.stroke_in_hand(intent);
@@ -88,7 +88,7 @@ impl Game {
         }
     }
 
-    /// Strikes once it is known what comes of it.
+    /// Shows a shot through particles once its simulation has finished.
     pub(super) fn follow_simulation(&mut self, now_secs: f64) {
         let TurnPhase::Simulating(worker) = &self.phase else {
             return;
@@ -101,7 +101,7 @@ impl Game {
         }
     }
 
-    /// Shows a shot of the match.
+    /// Starts to show a shot, whose contact is at `contact_secs`.
     pub(super) fn watch(
         &mut self,
         stroke: Stroke,

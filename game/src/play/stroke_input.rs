@@ -1,30 +1,29 @@
-//! The player's hand on the cue: three ways to give a stroke its speed.
+//! Input of a stroke: three ways to control its speed.
 
 use super::aim::{CUE_SPEED_M_S_MAX, power_of_speed};
 use super::cue::DRAW_M;
 
-/// A stroke that is begun.
+/// A stroke in progress.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum StrokeInput {
-    /// Drawn back with the pointer, so far, 0 to 1; let go, it strikes.
+    /// The pointer draws the cue back to a share from 0 to 1 of its travel; release strikes.
     Pulling(f64),
-    /// Drawn back with time, since; let go, it strikes.
+    /// The power rises with time since the given one; release strikes.
     Charging(f64),
-    /// Moved back and forth with the pointer, as a real cue is; it strikes where the tip meets the
-    /// ball.
+    /// The pointer moves the cue back and forth; it strikes when the tip reaches the ball.
     Swinging(SwingInput),
 }
 
-/// A cue that follows the hand.
+/// State of a swing, in which the cue follows the pointer.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct SwingInput {
     back_m: f64,
-    /// The latest times in s, and how far back the tip was then in m.
+    /// Recent times in s, with the distances in m by which the tip was drawn back.
     trail: Vec<(f64, f64)>,
 }
 
 impl StrokeInput {
-    /// The power of the stroke as it is at `now_secs`, 0 to 1; none while it swings.
+    /// The power of the stroke at `now_secs`, 0 to 1; none for a swing.
     pub(super) fn power(&self, now_secs: f64) -> Option<f64> {
         match *self {
             Self::Pulling(power) => Some(power),
@@ -33,7 +32,7 @@ impl StrokeInput {
         }
     }
 
-    /// How far back the tip is, in m.
+    /// Distance by which the tip is drawn back, in m.
     pub(super) fn drawn_m(&self, now_secs: f64) -> f64 {
         match self {
             Self::Swinging(swing) => swing.back_m,
@@ -41,7 +40,7 @@ impl StrokeInput {
         }
     }
 
-    /// The power with which letting go strikes, if it does.
+    /// The power with which a release strikes, if it does.
     pub(super) fn let_go(&self, now_secs: f64) -> Option<f64> {
         let power = self.power(now_secs)?;
         let is_drawn = power >= PULL_MIN || matches!(self, Self::Charging(_));
@@ -50,9 +49,10 @@ impl StrokeInput {
 }
 
 impl SwingInput {
-    /// Moves the cue back by so many m, forward if negative; the power of the blow when its tip has
-    /// come forward to the ball: by the mean speed of the hand over the last moments.
+    /// Moves the cue back by a distance in m, forward if negative. Returns the power of the stroke when the
+    /// tip has reached the ball, by the mean speed over [`SPEED_SECS`].
     pub(super) fn swing(&mut self, back_m: f64, now_secs: f64) -> Option<f64> {
+        // Within its recent motion, the tip must have been drawn back before it strikes.
         let farthest = self.trail.iter().map(|(_, back)| *back).fold(0.0, f64::max);
         let back = (self.back_m + back_m).min(BACK_M_MAX);
         if back > 0.0 || farthest < BACK_M_MIN {
@@ -69,15 +69,15 @@ impl SwingInput {
     }
 }
 
-/// A cue that was hardly drawn back does not strike.
+/// Least pull, as a share of the cue's travel, with which a release strikes.
 pub(super) const PULL_MIN: f64 = 0.03;
-/// The charge's way to full power.
+/// Time in which a charge reaches full power.
 const CHARGE_SECS: f64 = 1.6;
-/// The speed of a stroke is the mean over this time: several reports of a slow mouse.
+/// Time over which the speed of a swing is averaged: several reports of a slow mouse.
 const SPEED_SECS: f64 = 0.06;
-/// As far as a bridge allows.
+/// Largest distance by which a swing draws the cue back.
 const BACK_M_MAX: f64 = 0.3;
-/// A swing begins with the cue drawn back at least so far.
+/// Least distance by which a swing must draw the cue back before it strikes.
 const BACK_M_MIN: f64 = 0.01;
 
 #[cfg(test)]

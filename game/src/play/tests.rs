@@ -10,7 +10,7 @@ use super::*;
 use crate::camera::{CameraIntent, CameraView, Projection, wrap_rad};
 use crate::input::{Intent, MatchIntent, StrokeIntent};
 
-/// Does what the player wants; a stroke meets the ball 0.2 s later.
+/// Applies an intent; the contact of a stroke is 0.2 s later.
 fn apply(game: &mut Game, intent: Intent, now_secs: f64) {
     game.set_framing(Framing::whole(FILM));
     match intent {
@@ -24,7 +24,7 @@ fn apply(game: &mut Game, intent: Intent, now_secs: f64) {
 
 const FILM: DVec2 = DVec2::new(1280.0, 720.0);
 
-/// Where a ball is at a moment.
+/// Position of a ball at a moment.
 fn ball(game: &Game, number: u8, moment_secs: f64) -> DVec3 {
     let poses = game.poses(moment_secs);
     poses
@@ -44,7 +44,7 @@ fn strike(game: &mut Game, power: f64, now_secs: f64) {
     }
 }
 
-/// Lets the shot that is on play to its end.
+/// Advances the game to the end of the present shot, and returns the time.
 fn watch(game: &mut Game, mut now_secs: f64) -> f64 {
     while game.shot_clock(now_secs).is_some() {
         now_secs += 0.1;
@@ -145,7 +145,7 @@ fn each_view_sees_what_it_is_for() {
     }
 }
 
-/// Goes on through the views until this one, and lets the camera arrive.
+/// Switches to a view, and lets the camera come to rest.
 fn look_from(game: &mut Game, view: CameraView, now_secs: f64) {
     while game.views.view() != view {
         apply(game, Intent::Camera(CameraIntent::NextView), now_secs);
@@ -399,7 +399,7 @@ fn eight(players: &str) -> Game {
     Game::of(Match::new(MatchConfig::new(RuleSet::Eight, players, 3).unwrap()).unwrap())
 }
 
-/// Lets shots play and computers think until a person is to do something.
+/// Advances the game until it is a person's turn, and returns the time.
 fn wait(game: &mut Game, mut now_secs: f64) -> f64 {
     while !game.may_play() && game.contest().at_table().is_some() {
         now_secs += 0.1;

@@ -29,10 +29,10 @@ pub struct MatchArgs {
 }
 
 impl MatchArgs {
-    /// Plays the matches and prints what they came to.
+    /// Plays the matches and prints the results.
     ///
     /// # Errors
-    /// A sentence for players or a target that the game does not have.
+    /// If the players or the target are invalid for the game.
     pub fn run(&self) -> anyhow::Result<()> {
         let result = self.play()?;
         if self.json {

@@ -1,4 +1,4 @@
-//! Trick tables: what lies on the cloth, and a shot that shows it.
+//! Trick tables: particles on the cloth, and a shot through them.
 
 use carom_billiards::physics::{
     BallLayout, ParticleBed, ParticleMaterial, ParticlePatch, ParticlePrecision, Stroke, Table,
@@ -24,7 +24,7 @@ pub enum TrickTable {
 }
 
 impl TrickTable {
-    /// What covers the cloth.
+    /// The covered patches of the cloth.
     pub fn patches(self) -> Vec<ParticlePatch> {
         let (material, columns, rows) = match self {
             Self::SandTrap => (ParticleMaterial::Sand, 0..8, -5..5),
@@ -47,7 +47,7 @@ impl TrickTable {
         squares.map(patch).filter(is_in_bowl).collect()
     }
 
-    /// Of the cue. A ball that is faster gets out of the sand.
+    /// Speed of the cue. In sand it is so low that the ball stays in the trap.
     fn speed_m_s(self) -> f64 {
         match self {
             Self::SandTrap => 1.1,
@@ -55,10 +55,11 @@ impl TrickTable {
         }
     }
 
-    /// A table with the cue ball before it and a ball behind it, and the stroke that goes through it.
+    /// A table with the particles, the cue ball in front of them and balls beside and behind them, and the
+    /// stroke through them.
     ///
     /// # Errors
-    /// A sentence if the table is too small for it.
+    /// If the table is too small.
     pub fn world(
         self,
         table: &Table,
@@ -74,5 +75,5 @@ impl TrickTable {
     }
 }
 
-/// Of the bowl that was tipped out.
+/// Radius of the patch of marbles.
 const BOWL_RADIUS_M: f64 = 0.115;

@@ -1,5 +1,4 @@
-//! Turns of a match: whose turn it is, what is decided before a stroke, and what the computer
-//! does in its turn.
+//! Turns of a match: decisions before a stroke, and the computer's turns.
 
 use std::rc::Rc;
 
@@ -22,7 +21,7 @@ impl Game {
         &self.contest
     }
 
-    /// Everything that is shown of the match.
+    /// State of the match for the interface, computed on demand.
     pub fn match_view(&mut self) -> Rc<MatchView> {
         let contest = &self.contest;
         Rc::clone(
@@ -31,12 +30,12 @@ impl Game {
         )
     }
 
-    /// Whether the computer is looking for a shot.
+    /// Whether the computer searches a shot.
     pub fn is_thinking(&self) -> bool {
         self.ai_turn.is_some()
     }
 
-    /// Whether a person is to play, and nothing is under way.
+    /// Whether it is a person's turn, with neither a stroke nor a shot in progress.
     pub fn may_play(&self) -> bool {
         let player = self.contest.at_table();
         let is_person = player.is_some_and(|player| player.level().is_none());
@@ -54,13 +53,13 @@ impl Game {
         }
     }
 
-    /// What counts as called for the present aim, in words; none if nothing does.
+    /// Description of the call that would apply to the present aim; none if there is none.
     pub fn call_words(&self) -> Option<String> {
         let call = self.contest.call_for(self.aim.stroke(self.aim.power))?;
         Some(self.contest.call_text(call))
     }
 
-    /// Decides something that is no stroke.
+    /// Applies a decision other than a stroke.
     pub fn decide(&mut self, intent: MatchIntent, now_secs: f64) {
         match intent {
             MatchIntent::Skip => self.skip(now_secs),
@@ -69,7 +68,7 @@ impl Game {
             MatchIntent::Redo => self.turn_back(true),
             MatchIntent::Point(point) => self.point(point, now_secs),
             MatchIntent::Put => self.put_down(),
-            // The rest is for the person whose turn it is.
+            // All others require a person's turn.
             _ if !self.may_play() => {}
             MatchIntent::Choose(choice) => {
                 let chosen = self.contest.choose(choice);
@@ -84,7 +83,7 @@ impl Game {
         }
     }
 
-    /// What the computer is about to do, a sentence, while its cue turns to the shot.
+    /// Sentence about the computer's intention, while its cue turns to the shot.
     pub fn intention(&self) -> Option<&str> {
         match &self.phase {
             TurnPhase::Planned(planned) => Some(&planned.intention),
@@ -92,7 +91,7 @@ impl Game {
         }
     }
 
-    /// Skips what is only to be watched: the computer's search, its aiming, a shot.
+    /// Skips the computer's search, its aiming, or a shot.
     fn skip(&mut self, now_secs: f64) {
         match (&mut self.phase, &self.ai_turn) {
             (TurnPhase::Planned(planned), _) => planned.hurry(now_secs),
@@ -107,8 +106,8 @@ impl Game {
         self.match_view = None;
     }
 
-    /// The call after the present one: none, each pocket for the ball that is aimed at, a safety, a
-    /// push-out where there is one; in snooker the colours.
+    /// The call after the present one in the cycle of none, each pocket for the ball aimed at, a safety and a
+    /// push-out if allowed; in snooker the colours.
     fn next_call(&self) -> Option<Call> {
         let referee = self.contest.referee();
         let on = referee.legal_targets(&self.contest.ball_positions());
@@ -127,7 +126,7 @@ impl Game {
         if referee.may_push_out() {
             calls.push(Some(Call::PushOut));
         }
-        // A call of before may have been for another ball.
+        // The present call may be for another ball than the one aimed at: pockets are compared.
         let pocket = |call: &Option<Call>| match *call {
             Some(Call::Pot {
                 pocket: Some(pocket),
@@ -143,7 +142,7 @@ impl Game {
         calls[(place + 1) % calls.len()]
     }
 
-    /// Takes shots back, or plays those again, until a person is at the table.
+    /// Undoes or redoes shots until it is a person's turn.
     fn turn_back(&mut self, is_redo: bool) {
         if matches!(self.phase, TurnPhase::Watching(_)) {
             self.notice = Some(text!(if is_redo { "redo-wait" } else { "undo-wait" }).to_owned());
@@ -176,7 +175,7 @@ impl Game {
         }
     }
 
-    /// Makes the table ready for the player whose turn it is; a cue ball that was lost is taken up.
+    /// Prepares the next turn; after a foul or a scratch, a cue ball in hand is picked up.
     pub(super) fn begin_turn(&mut self) {
         self.get_ready();
         let referee = self.contest.referee();
@@ -190,7 +189,7 @@ impl Game {
         }
     }
 
-    /// Aims afresh.
+    /// Returns to aiming, with a new aim.
     pub(super) fn get_ready(&mut self) {
         self.phase = TurnPhase::Aiming;
         (self.shot_preview, self.match_view, self.ai_turn) = (None, None, None);
@@ -202,7 +201,8 @@ impl Game {
         self.clear_cue();
     }
 
-    /// Sets the power for a break that is due, and back after it; in between it is the player's.
+    /// Sets the power at the beginning of a break and resets it afterwards; in between the player can
+    /// change it.
     fn follow_break(&mut self) {
         let referee = self.contest.referee();
         let is_hard = matches!(
@@ -218,7 +218,7 @@ impl Game {
         }
     }
 
-    /// Points the cue at the nearest of the balls that may be hit.
+    /// Points the cue at the nearest legal ball.
     fn aim_at_nearest(&mut self) {
         let positions = self.contest.ball_positions();
         let on = self.contest.referee().legal_targets(&positions);
@@ -235,7 +235,7 @@ impl Game {
         }
     }
 
-    /// Lets the computer think in its turn, and does what it has decided.
+    /// Starts the computer's search in its turn, and executes a finished decision.
     pub(super) fn think(&mut self, now_secs: f64) {
         let level = self.contest.at_table().and_then(|player| player.level());
         if let (None, Some(level), TurnPhase::Aiming) = (&self.ai_turn, level, &self.phase) {
@@ -265,7 +265,7 @@ impl Game {
         now_secs: f64,
     ) -> carom_billiards::Result<()> {
         let intention = self.contest.intention_text(decision);
-        // Without a score there is no board to say it on.
+        // The free table has no match panel to show the intention, so it becomes a notice.
         let is_free = self.contest.referee().rules() == RuleSet::Free;
         self.notice = is_free.then(|| intention.clone());
         self.match_view = None;
@@ -281,7 +281,7 @@ impl Game {
         Ok(())
     }
 
-    /// Says what the computer would do, and points the cue so.
+    /// Shows the computer's suggestion, and sets the aim to it.
     fn show_advice(
         &mut self,
         decision: &carom_billiards::ai::Decision,
@@ -301,7 +301,7 @@ impl Game {
         Ok(())
     }
 
-    /// The computer's blow, once its cue is drawn back.
+    /// Follows the animation of the computer's cue, and strikes once it is drawn back.
     pub(super) fn follow_plan(&mut self, now_secs: f64) {
         let TurnPhase::Planned(planned) = &self.phase else {
             return;
@@ -319,7 +319,7 @@ impl Game {
         self.watch(stroke, shot, cue, now_secs + SWING_SECS.end);
     }
 
-    /// The cue of a shot that the computer has planned.
+    /// The cue of the computer's planned shot.
     pub(super) fn planned_cue(&self, planned: &PlannedStroke, now_secs: f64) -> Option<CueView> {
         let aim = planned.aim(now_secs);
         let resting = CueView::resting(self.cue_ball()?, &aim);
@@ -330,5 +330,5 @@ impl Game {
     }
 }
 
-/// Of an ordinary break of 8-ball or 9-ball.
+/// Speed of the cue in an ordinary break of 8-ball or 9-ball.
 const BREAK_M_S: f64 = 8.0;

@@ -23,8 +23,8 @@ impl BallSet {
     /// All sets.
     pub const ALL: [Self; 4] = [Self::Classic, Self::Glass, Self::Jade, Self::Metal];
 
-    /// What the ball of a number is made of in a game; 0 is the cue ball. The balls of snooker and carom
-    /// have no numbers and no stripes.
+    /// Material of the ball of a number in a game; 0 is the cue ball. The balls of snooker and carom
+    /// have neither numbers nor stripes.
     pub fn material(self, rules: RuleSet, number: u8) -> Material {
         let is_numbered = !matches!(rules, RuleSet::Snooker | RuleSet::ThreeCushion);
         let colour = ball_colour(rules, number);
@@ -33,7 +33,8 @@ impl BallSet {
         match self {
             Self::Classic => classic(number, colour, is_striped),
             Self::Glass => {
-                // Light keeps the colour's share, or the stripes' paler one, after so many metres.
+                // Beer–Lambert extinction: light is attenuated to the colour over this distance; stripes
+                // are paler.
                 let depth_m = if is_striped { 0.45 } else { 0.2 };
                 let extinction = -colour.max(Vec3::splat(0.05)).map(f32::ln) / depth_m;
                 dielectric(1.5, extinction, Vec3::ZERO, number)
@@ -44,9 +45,9 @@ impl BallSet {
                 } else {
                     colour
                 };
-                // The albedo of single scattering for which a half space of it reflects the colour: Chiang
-                // et al., "Practical and Controllable Subsurface Scattering for Production Path
-                // Tracing", SIGGRAPH 2016 talks.
+                // Single-scattering albedo for which a half-space reflects the colour, a fit of Chiang et
+                // al., "Practical and Controllable Subsurface Scattering for Production Path Tracing",
+                // SIGGRAPH 2016 talks.
                 let albedo = stone
                     .max(Vec3::splat(0.03))
                     .map(|c| 1.0 - (((-4.318_05 * c + 2.611_88) * c - 5.094_06) * c).exp());
@@ -63,8 +64,8 @@ impl BallSet {
         }
     }
 
-    /// Maximum path depth that shows the set: light goes in and out of glass, and walks through
-    /// stone. Longer paths cost time in proportion.
+    /// Maximum path depth that the set needs: paths enter and leave glass, and scatter within
+    /// stone. Time is proportional to the length of paths.
     pub fn max_depth(self) -> u32 {
         match self {
             Self::Classic | Self::Metal => 5,
@@ -99,7 +100,8 @@ fn dielectric(ior: f32, extinction: Vec3, albedo: Vec3, number: u8) -> Material 
     }
 }
 
-/// A metal that reflects a colour: of index 1, where R = k² / (4 + k²) straight on.
+/// A metal that reflects a colour R at normal incidence. With η = 1 the Fresnel equations give R = k² / (4
+/// + k²), which is solved for k.
 fn tinted_metal(colour: Vec3, alpha: f32, number: u8) -> Material {
     let reflectance = colour.clamp(Vec3::splat(0.04), Vec3::splat(0.95));
     let k = (4.0 * reflectance / (1.0 - reflectance)).map(f32::sqrt);

@@ -1,4 +1,4 @@
-//! The scene of a game before its first stroke as a file: `carom scene`.
+//! Export of a game's scene before its first stroke: `carom scene`.
 
 use std::path::PathBuf;
 
@@ -89,10 +89,10 @@ impl SceneView {
     }
 }
 
-/// A lens of 50 mm at f/2.8.
+/// Aperture radius of a 50 mm lens at f/2.8.
 const TITLE_APERTURE_RADIUS_M: f32 = 0.009;
 
-/// From before the rack, low over the cloth, past it to the window.
+/// View from low over the cloth past the rack to the window.
 fn title(rack: DVec3) -> Viewpoint {
     Viewpoint {
         focus: rack + DVec3::new(-0.03, -0.06, 0.05),
@@ -103,10 +103,10 @@ fn title(rack: DVec3) -> Viewpoint {
     }
 }
 
-/// A lens of 50 mm at f/8, as near things need.
+/// Aperture radius of a 50 mm lens at f/8, for the depth of field of a near subject.
 const MACRO_APERTURE_RADIUS_M: f32 = 0.003;
 
-/// Across the cue, on the gap between its tip and the cue ball.
+/// View across the cue to the gap between its tip and the cue ball.
 fn close_up(cue_ball: DVec3) -> Viewpoint {
     Viewpoint {
         focus: cue_ball + DVec3::new(-0.022, 0.0, 0.004),
@@ -117,9 +117,9 @@ fn close_up(cue_ball: DVec3) -> Viewpoint {
     }
 }
 
-/// Of the eye from the middle of the rack.
+/// Distance of the eye from the centre of the rack.
 const RACK_DISTANCE_M: f64 = 0.62;
-/// Along the table, past the rack's side.
+/// Direction of the view of the rack, along the table and past the rack's side.
 const RACK_BEARING_RAD: f64 = 0.4;
 
 /// The scene of a game before its first stroke.
@@ -157,7 +157,7 @@ pub fn opening_scene(
     Ok(scene)
 }
 
-/// What `room` shows of a match before its first stroke.
+/// Update of `room` for a match before its first stroke.
 pub fn opening_update(room: &TableScene, contest: &Match, view: SceneView) -> SceneUpdate {
     let table = contest.world().table();
     let camera = view.camera(room, contest);
@@ -175,7 +175,7 @@ impl SceneArgs {
     /// Writes the scene file.
     ///
     /// # Errors
-    /// A sentence for a table that the game is not played on, or a file that cannot be written.
+    /// If the game is not played on the table, or the file cannot be written.
     pub fn run(&self) -> anyhow::Result<()> {
         let out = output_file(self.out.as_deref(), "room.json")?;
         let scene = opening_scene(

@@ -1,4 +1,4 @@
-//! The traced scene: the room, its table, the balls' materials, and updates of their poses.
+//! The traced scene: the room with its table and balls, and updates of their poses.
 
 pub mod ball_materials;
 pub mod cue_stick;

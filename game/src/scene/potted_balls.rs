@@ -1,12 +1,12 @@
-//! Places of potted balls: in their pockets, on top of each other.
+//! Positions of potted balls, stacked in their pockets.
 
 use carom_billiards::physics::{BallPose, Pocket, Table};
 use glam::DVec3;
 
 use super::scene_builder::POCKET_DEPTH_M;
 
-/// The balls of `poses` that lie in the pockets of a table, by number, and their centres. The balls of a
-/// pocket lie in the order of their numbers; those for which it has no room are left out.
+/// Numbers and centres of the balls of `poses` that lie in pockets. The balls of a
+/// pocket are stacked in the order of their numbers; those for which there is no room are left out.
 pub(super) fn potted_balls(table: &Table, poses: &[BallPose]) -> Vec<(u8, DVec3)> {
     let mut potted = Vec::new();
     for pocket in table.pockets() {
@@ -21,8 +21,9 @@ pub(super) fn potted_balls(table: &Table, poses: &[BallPose]) -> Vec<(u8, DVec3)
     potted
 }
 
-/// The centres of balls that fill a pocket from its floor to the cloth: in a wide one pairs across each other, in a
-/// narrow one each ball leans on the wall across from the one below.
+/// Centres of balls that fill a pocket from its floor to the cloth: in a wide one layers of two,
+/// alternately at right angles, in a narrow one each ball against the wall opposite to that of the one
+/// below.
 fn places(table: &Table, pocket: &Pocket) -> impl Iterator<Item = DVec3> {
     let radius = table.ball().radius_m.max(table.cue_ball().radius_m);
     let aside = (pocket.radius_m - radius - GAP_M).clamp(0.0, radius + GAP_M);
@@ -30,7 +31,8 @@ fn places(table: &Table, pocket: &Pocket) -> impl Iterator<Item = DVec3> {
     let rise = if holds_pairs {
         std::f64::consts::SQRT_2 * radius
     } else {
-        // The next ball touches this one, the one after it rests on top of it.
+        // Balls alternate between two sides, 2·aside apart: next neighbours touch at a rise of 2√(r² −
+        // aside²), and those on the same side, two layers apart, need a rise of at least r.
         radius.max(2.0 * (radius * radius - aside * aside).sqrt())
     };
     let lowest = radius + GAP_M - f64::from(POCKET_DEPTH_M);
@@ -53,7 +55,7 @@ fn places(table: &Table, pocket: &Pocket) -> impl Iterator<Item = DVec3> {
         .take_while(move |center| center.z + radius < 0.0)
 }
 
-/// Between balls and what they lie on: surfaces that coincide flicker.
+/// Gap between balls and their supports, as coincident surfaces would flicker.
 const GAP_M: f64 = 1e-4;
 
 #[cfg(test)]

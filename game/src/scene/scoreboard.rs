@@ -1,11 +1,11 @@
-//! The scoreboard on the far wall: a clock between two dials with the players' scores.
+//! Scoreboard on the far wall: a clock between two dials with the players' scores.
 
 use carom_billiards::game_match::Match;
 use carom_tracer::texture::DIAL_SPACING;
 use carom_tracer::{ProceduralTexture, Shape};
 use glam::{Quat, Vec3};
 
-/// What the scoreboard shows.
+/// Reading of the scoreboard.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ScoreReading {
     /// Racks, frames or points of the first two players.
@@ -15,8 +15,8 @@ pub struct ScoreReading {
 }
 
 impl ScoreReading {
-    /// What is shown of a match, which begins at eight: the clock goes on by a minute with each stroke, and so stands still
-    /// while the table does.
+    /// The reading of a match. The clock starts at eight and advances by a minute with each stroke, so that
+    /// it does not move while the table is at rest.
     pub fn of(contest: &Match) -> Self {
         let scores = contest.referee().scores();
         Self {
@@ -26,24 +26,24 @@ impl ScoreReading {
     }
 }
 
-/// Where a scoreboard hangs.
+/// Scoreboard at a position on the wall.
 #[derive(Clone, Copy, Debug)]
 pub struct Scoreboard {
-    /// The middle of its clock, before the wall, metres.
+    /// Centre of its clock, in front of the wall, metres.
     pub center: Vec3,
 }
 
-/// Where a hand points.
+/// Pose of a hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandPose {
-    /// Its tip, metres.
+    /// Position of its tip, metres.
     pub tip: Vec3,
-    /// `world_from_cone` of its object.
+    /// Rotation of its object (`world_from_cone`).
     pub rotation: Quat,
 }
 
 impl Scoreboard {
-    /// The board.
+    /// Shape of the board.
     pub fn shape(&self) -> Shape {
         let half = Vec3::new(0.0, DIAL_SPACING_M, 0.0) + Vec3::splat(DIAL_RADIUS_M + BOARD_RIM_M);
         Shape::Box {
@@ -52,7 +52,7 @@ impl Scoreboard {
         }
     }
 
-    /// Its dials.
+    /// Texture with the dials.
     pub fn texture(&self) -> ProceduralTexture {
         ProceduralTexture::Scoreboard {
             face: Vec3::new(0.62, 0.59, 0.5),
@@ -62,7 +62,7 @@ impl Scoreboard {
         }
     }
 
-    /// The hands of each dial in turn, a short one for tens or hours and a long one for units or minutes.
+    /// Poses of the hands, dial by dial: a short one for tens or hours and a long one for units or minutes.
     pub fn hands(&self, reading: ScoreReading) -> [HandPose; 6] {
         let turns = |units: i32, round: i32| units.rem_euclid(round) as f32 / round as f32;
         let minutes = (8 * 60 + reading.minutes) as i32;
@@ -78,7 +78,7 @@ impl Scoreboard {
         std::array::from_fn(|hand| self.hand(HANDS[hand], turns[hand]))
     }
 
-    /// The hands as they are before a match, in the order of [`Scoreboard::hands`].
+    /// Shapes of the hands before a match, in the order of [`Scoreboard::hands`].
     pub fn hand_shapes(&self) -> [Shape; 6] {
         let poses = self.hands(ScoreReading::default());
         std::array::from_fn(|hand| Shape::TruncatedCone {
@@ -89,7 +89,7 @@ impl Scoreboard {
         })
     }
 
-    /// One of [`HANDS`] that points so many turns clockwise from the top as seen along +x.
+    /// Pose of one of [`HANDS`] that points `turns` clockwise from the top, seen along +x.
     fn hand(&self, (aside, length): (f32, f32), turns: f32) -> HandPose {
         let (sin, cos) = (std::f32::consts::TAU * turns).sin_cos();
         let direction = Vec3::new(0.0, -sin, cos);
@@ -101,13 +101,13 @@ impl Scoreboard {
     }
 }
 
-/// The name of the hands' objects.
+/// Name of the hands' objects.
 pub const HAND_NAME: &str = "hand";
 const DIAL_RADIUS_M: f32 = 0.16;
 const DIAL_SPACING_M: f32 = DIAL_SPACING * DIAL_RADIUS_M;
 const BOARD_M: f32 = 0.02;
 const BOARD_RIM_M: f32 = 0.03;
-/// Of each hand, how many dials its own hangs towards +y of the clock, and how far it reaches from the middle.
+/// Each hand's dial, as an offset from the clock towards +y in dials, and its length from the centre.
 const HANDS: [(f32, f32); 6] = [
     (1.0, SHORT_HAND_M),
     (1.0, LONG_HAND_M),
@@ -120,9 +120,9 @@ const SHORT_HAND_M: f32 = 0.078;
 const LONG_HAND_M: f32 = 0.125;
 /// Radii of a hand at its tip and at its other end.
 const HAND_RADII_M: [f32; 2] = [0.003, 0.006];
-/// How far a hand reaches behind the middle.
+/// Length of a hand beyond the dial's centre.
 const TAIL_M: f32 = 0.02;
-/// From a face to the middle line of its hands.
+/// Distance from a dial to the axis of its hands.
 const HAND_GAP_M: f32 = 0.012;
 
 #[cfg(test)]

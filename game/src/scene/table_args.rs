@@ -1,4 +1,4 @@
-//! The table that a command line asks for.
+//! Options of the command line for the table.
 
 use carom_billiards::physics::{PocketSize, Table, TableOptions, TableSpeed};
 use clap::Args;
@@ -24,7 +24,7 @@ impl TableArgs {
         self.built_in.is_some() || self.pockets.is_some() || self.table_speed.is_some()
     }
 
-    /// The chosen options, else the standard ones.
+    /// The chosen options; standard where none is chosen.
     pub fn options(&self) -> TableOptions {
         TableOptions {
             pockets: self.pockets.unwrap_or_default(),
@@ -32,7 +32,7 @@ impl TableArgs {
         }
     }
 
-    /// The chosen table, else `own`, with `options`.
+    /// The chosen table, or `own`, with `options`.
     pub fn of(&self, own: Table, options: TableOptions) -> Table {
         let table = self.built_in.clone().unwrap_or(own);
         table.with_options(options)

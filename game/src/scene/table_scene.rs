@@ -1,4 +1,4 @@
-//! The traced scene of a table, and its update for ball poses and a camera.
+//! Traced scene of a table, and its updates for poses of balls and a camera.
 
 use carom_billiards::game_match::Match;
 use carom_billiards::physics::{BallPose, Table};
@@ -13,44 +13,44 @@ use crate::scene::scene_builder::{below_lamp, room, scoreboard};
 use crate::scene::scoreboard::{HAND_NAME, ScoreReading, Scoreboard};
 use crate::scene::table_style::TableStyle;
 
-/// The pool table's scene, and which of its objects is which ball.
+/// Scene of a table in its room, with the objects of balls, cue and scoreboard.
 #[derive(Clone, Debug)]
 pub struct TableScene {
     table: Table,
     scene: Scene,
     balls: Vec<(u8, u32)>,
     scoreboard: Scoreboard,
-    /// The objects of its hands.
+    /// Indices of its hands' objects.
     hands: Vec<u32>,
-    /// The cue's object, which a table without a cue ball has none of.
+    /// Index of the cue's object; none on a table without a cue ball.
     cue: Option<u32>,
     detail: ParticleDetail,
     cloth_albedo: Vec3,
 }
 
 impl TableScene {
-    /// The pool room of the game in a style, round [`TableScene::table`].
+    /// The game's room in a style, around [`TableScene::table`].
     pub fn room(style: impl Into<TableStyle>) -> Self {
         Self::around(&Self::table(), style)
     }
 
-    /// The same round another table.
+    /// The game's room in a style, around another table.
     pub fn around(table: &Table, style: impl Into<TableStyle>) -> Self {
         Self::new(table, RuleSet::Free, style.into())
     }
 
-    /// The table that is played on unless another is asked for.
+    /// The default table.
     pub fn table() -> Table {
         Table::nine_foot()
     }
 
-    /// The room of a match: its table, and the balls of its game.
+    /// The room of a match, with its table and the balls of its game.
     pub fn of(contest: &Match, style: impl Into<TableStyle>) -> Self {
         let rules = contest.referee().rules();
         Self::new(contest.world().table(), rules, style.into())
     }
 
-    /// Objects called `ball0`, `ball1` … are the balls of those numbers.
+    /// Builds the scene; objects named `ball0`, `ball1` … are the balls of those numbers.
     fn new(table: &Table, rules: RuleSet, style: TableStyle) -> Self {
         let scene = room(table, rules, style);
         let numbered = |(index, object): (usize, &carom_tracer::Object)| {
@@ -79,28 +79,29 @@ impl TableScene {
         }
     }
 
-    /// What the room was made round.
+    /// The table in the room.
     pub fn table_inside(&self) -> &Table {
         &self.table
     }
 
-    /// How many particles its pictures show.
+    /// Detail of particles in its pictures.
     pub fn particle_detail(&self) -> ParticleDetail {
         self.detail
     }
 
-    /// What the cloth reflects.
+    /// Albedo of the cloth.
     pub fn cloth_albedo(&self) -> Vec3 {
         self.cloth_albedo
     }
 
-    /// What a farm is given.
+    /// The scene for the farm.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// A frame's difference to the scene. Potted balls lie in their pockets; those that are off the table or absent are left out
-    /// of the picture, and so is a cue that nobody holds. A view from straight above leaves out the lamp.
+    /// The update of the scene for a frame. Potted balls lie in their pockets; balls off the table and
+    /// absent ones are hidden, and so is the cue if it is `None`. A view from straight above leaves out the
+    /// lamp.
     pub fn update(&self, camera: Camera, poses: &[BallPose], cue: Option<&CuePose>) -> SceneUpdate {
         let potted = potted_balls(&self.table, poses);
         let pose_of = |&(number, object): &(u8, u32)| {
@@ -129,7 +130,7 @@ impl TableScene {
         }
     }
 
-    /// Those hands of the scoreboard that `reading` turns from where the scene has them.
+    /// Poses of the scoreboard's hands that differ from those in the scene.
     pub fn hand_poses(&self, reading: ScoreReading) -> impl Iterator<Item = ObjectPose> {
         let poses = self.scoreboard.hands(reading);
         let before = self.scoreboard.hands(ScoreReading::default());

@@ -1,4 +1,4 @@
-//! The style of the table and its balls, as the player chooses it.
+//! Look of the table and its balls, as chosen by the player.
 
 use carom_billiards::rules::RuleSet;
 use clap::ValueEnum;
@@ -78,7 +78,7 @@ pub enum Brightness {
 }
 
 impl Brightness {
-    /// Over the normal one.
+    /// Factor on the normal radiance.
     pub fn factor(self) -> f32 {
         match self {
             Self::Dim => 0.5,
@@ -89,7 +89,7 @@ impl Brightness {
     }
 }
 
-/// What the player chooses of a table's look.
+/// The player's choices for the look of a table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TableStyle {
     /// Material of the balls.
@@ -100,7 +100,7 @@ pub struct TableStyle {
     pub cue: CueStyle,
     /// Light of the room.
     pub brightness: Brightness,
-    /// How much dust there is.
+    /// Detail of dust.
     pub particles: ParticleDetail,
 }
 

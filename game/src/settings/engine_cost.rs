@@ -1,4 +1,4 @@
-//! The measured cost and error of each physics engine that the settings offer.
+//! Measured cost and error of each physics engine in the settings.
 
 use std::fmt::Write as _;
 
@@ -6,21 +6,21 @@ use carom_billiards::physics::Engine;
 
 use carom_text::text;
 
-/// An engine's row, each figure as it is shown.
+/// Figures of an engine, as they are shown.
 struct EngineCost {
-    /// As `--physics` takes it.
+    /// Name of the engine, as in `--physics`.
     engine: &'static str,
     /// Error of the object ball's line in a 30° cut at 3 m/s, degrees.
     cut_error_deg: &'static str,
     /// Median over the reference shots of the largest distance, mm.
     shot_error_mm: &'static str,
-    /// Share of the cue ball's energy that a break leaves on the table, percent; of a real one 76.
+    /// Share of the cue ball's energy that remains after a break, percent; 76 in reality.
     energy_kept_percent: u32,
     /// CPU time per simulated second of a break, ms.
     second_ms: &'static str,
     /// CPU time of a whole break, ms.
     break_ms: &'static str,
-    /// CPU time of the dearest 10 ms of a break, ms.
+    /// CPU time of the most expensive 10 ms of a break, ms.
     dearest_frame_ms: &'static str,
 }
 
@@ -56,7 +56,7 @@ const COSTS: [EngineCost; 8] = [
     EngineCost::new("rapier-4000", ["0.43",     "50"],    24, ["78",   "479", "2.1"]),
 ];
 
-/// The cost and error of one engine, in a sentence.
+/// Cost and error of an engine, in a sentence.
 pub fn engine_cost(engine: &Engine) -> String {
     let name = engine.to_string();
     let steps_per_sec = match engine {
@@ -75,7 +75,7 @@ pub fn engine_cost(engine: &Engine) -> String {
     }
 }
 
-/// The cost and error of all measured engines, a line each.
+/// Table of cost and error of all measured engines, a line each.
 pub fn engine_cost_table() -> String {
     let mut table = format!("{}\n", text!("engine-table"));
     for cost in &COSTS {

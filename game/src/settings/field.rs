@@ -1,4 +1,4 @@
-//! Each setting's name in the file, and how it is read and written.
+//! Names of the settings in the file, and their reading and writing.
 
 use carom_billiards::physics::Engine;
 use carom_text::text;
@@ -11,8 +11,8 @@ use crate::camera::{Viewpoint, wrap_rad};
 use crate::input::{ACTIONS, Action, Bindings, MouseSettings, Trigger};
 use crate::{KeysFault, SettingFault};
 
-/// A line of the settings file: the heading, the name under it, the value as it is written, and how a written value is
-/// taken, or what it must be.
+/// Field of the settings file: table, key, function that gives the value to write, and function that reads
+/// a value or returns what it must be.
 pub(super) struct SettingsField(
     pub(super) &'static str,
     pub(super) &'static str,
@@ -20,7 +20,7 @@ pub(super) struct SettingsField(
     pub(super) fn(&mut Settings, &Value) -> Result<(), SettingFault>,
 );
 
-/// All settings but the keys.
+/// All settings except bindings.
 #[rustfmt::skip]
 pub(super) const FIELDS: &[SettingsField] = &[
     SettingsField("window", "width", |s| i64::from(s.window[0]).into(), |s, v| whole(v, Settings::WINDOW_EDGE).map(|w| s.window[0] = w)),
@@ -74,7 +74,7 @@ fn number(value: &Value, [min, max]: [f64; 2]) -> Result<f64, SettingFault> {
     fits.ok_or(SettingFault::Number { min, max })
 }
 
-/// What a choice is called in files, on the command line and in the identifiers of its texts.
+/// Name of a choice in files, on the command line and in the identifiers of its texts.
 pub(crate) fn value_name(choice: &impl ValueEnum) -> String {
     let value = choice.to_possible_value();
     value.map_or(String::new(), |value| value.get_name().to_owned())
@@ -93,7 +93,7 @@ fn engine(value: &Value) -> Result<Engine, SettingFault> {
     engine.ok_or(SettingFault::Engine)
 }
 
-/// A saved view as it is written: its parts rounded to what can be seen; none as `{}`.
+/// Value of a saved view, with parts rounded to four decimals; no view is `{}`.
 fn view(at: Option<Viewpoint>) -> Value {
     let parts = at.map(|at| {
         [
@@ -139,7 +139,7 @@ fn no_view() -> SettingFault {
     SettingFault::View { parts }
 }
 
-/// The parts of a saved view, in ranges that hold what every view and every way of turning it can give.
+/// Parts of a saved view, with ranges that contain all views and rotations of them.
 const VIEW_PARTS: [(&str, [f64; 2]); 6] = [
     ("x", [-4.0, 4.0]),
     ("y", [-4.0, 4.0]),
@@ -148,17 +148,17 @@ const VIEW_PARTS: [(&str, [f64; 2]); 6] = [
     ("distance-m", [0.5, 10.0]),
     ("fov-deg", [5.0, 160.0]),
 ];
-/// More than any drill gives.
+/// Largest score of a drill, above any real one.
 const POINTS_MAX: u32 = 10_000;
 const VIEW_DIGITS: f64 = 1e4;
 
-/// What an action is bound to, as it is written.
+/// Value of an action's triggers.
 pub(super) fn triggers(bindings: &Bindings, action: Action) -> Value {
     let labels = bindings.triggers(action).into_iter();
     Value::Array(labels.map(|trigger| trigger.to_string()).collect::<Array>())
 }
 
-/// Reads one action's triggers from a word or an array of words.
+/// Reads an action's triggers from a string or an array of strings.
 pub(super) fn read_triggers(value: &Value) -> Result<Vec<Trigger>, KeysFault> {
     let words: Vec<&Value> = match value {
         Value::String(_) => vec![value],
@@ -172,7 +172,8 @@ pub(super) fn read_triggers(value: &Value) -> Result<Vec<Trigger>, KeysFault> {
     words.into_iter().map(trigger).collect()
 }
 
-/// Binds what the player has chosen, and what is left of the defaults. Says what could not be bound.
+/// Bindings of the player's choices and, for other actions, of the remaining defaults; and warnings about
+/// those that could not be bound.
 pub(super) fn bind(chosen: &[(Action, Vec<Trigger>)]) -> (Bindings, Vec<String>) {
     let mut bindings = Bindings::none();
     let mut warnings = Vec::new();
@@ -187,7 +188,7 @@ pub(super) fn bind(chosen: &[(Action, Vec<Trigger>)]) -> (Bindings, Vec<String>)
     let defaults = Bindings::default();
     for control in ACTIONS.iter().filter(|control| !is_chosen(control.action)) {
         for trigger in defaults.triggers(control.action) {
-            // Taken by the player's choice: that is what it was for.
+            // A default trigger that the player has bound to another action is left out on purpose.
             let _ = bindings.bind(trigger, control.action);
         }
     }

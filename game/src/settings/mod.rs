@@ -1,4 +1,4 @@
-//! The player's settings, kept as TOML in the platform's folder.
+//! The player's settings, stored as TOML in the platform's configuration folder.
 //!
 //! ```toml
 //! [interface]
@@ -8,8 +8,8 @@
 //! rack = ["R", "F5"]
 //! ```
 //!
-//! [`SettingsStore`] reads and writes the file. Only what was changed is written, so comments, unknown names
-//! and values that could not be read stay as they were.
+//! [`SettingsStore`] reads and writes the file. Only changed values are written, so comments, unknown names
+//! and values that could not be read are preserved.
 
 mod engine_cost;
 mod field;
@@ -35,64 +35,64 @@ use crate::ui::lessons::Lesson;
 /// All settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// The window's size in points, 320 to 16384 each way.
+    /// Size of the window in points, each edge within [`Settings::WINDOW_EDGE`].
     pub window: [u32; 2],
-    /// Whether it fills the screen.
+    /// Whether the window is full-screen.
     pub fullscreen: bool,
-    /// Size of text and panels, [`Settings::TEXT_SCALE`].
+    /// Scale of text and panels, within [`Settings::TEXT_SCALE`].
     pub text_scale: f64,
-    /// Cuts instead of camera rides, and panels that do not slide or fade.
+    /// Whether camera moves are replaced by cuts, and panels do not slide or fade.
     pub reduced_motion: bool,
-    /// What a newcomer is taught next.
+    /// The new player's next lesson.
     pub lesson: Lesson,
-    /// How much of a shot is shown beforehand: the difficulty of the game.
+    /// How much of a shot is previewed, which is the difficulty of the game.
     pub aim_aids: AimAids,
-    /// The table's look.
+    /// Look of the table.
     pub style: TableStyle,
-    /// What is chosen of the tables that games are begun on.
+    /// Options of the tables of new games.
     pub table: TableOptions,
-    /// What moves the balls.
+    /// Physics engine of the balls.
     pub physics: Engine,
-    /// How finely what lies on trick tables is simulated.
+    /// Precision of the particles on trick tables.
     pub particle_precision: ParticlePrecision,
-    /// What is given up first while things move.
+    /// What is reduced first while things move.
     pub quality: QualityPreference,
-    /// How sharp a picture at rest is.
+    /// Resolution of pictures at rest.
     pub resolution: Resolution,
-    /// CPU threads of the node inside the game, up to [`Settings::THREADS_MAX`]; 0 is one a core. Counts from the next
-    /// start of the program.
+    /// CPU threads of the node inside the game, up to [`Settings::THREADS_MAX`]; 0 is one per core. Takes
+    /// effect at the next start of the program.
     pub threads: u16,
-    /// Loudness, 0 to 1.
+    /// Volume, 0 to 1.
     pub volume: f64,
     /// Best scores of the drills, in the order of [`Settings::DRILLS`].
     pub drill_bests: [u32; 3],
-    /// Views that the player has saved, by their places.
+    /// The player's saved views.
     pub views: [Option<Viewpoint>; SAVED_MAX],
     /// Which balls are marked.
     pub ball_marks: BallMarks,
-    /// How the mouse turns the aim and the camera.
+    /// Settings of the mouse.
     pub mouse: MouseSettings,
-    /// Which key does what.
+    /// Bindings of keys, mouse and gamepad.
     pub bindings: Bindings,
 }
 
 impl Settings {
-    /// Smallest and largest text.
+    /// Least and greatest scale of text.
     pub const TEXT_SCALE: [f64; 2] = [0.75, 2.5];
-    /// Smallest and largest edge of the window, points.
+    /// Least and greatest edge of the window, in points.
     pub const WINDOW_EDGE: [u32; 2] = [320, 16_384];
-    /// Drills whose best scores are kept; that of the daily shot is one of its day.
+    /// Drills whose best scores are stored. The daily shot is not among them, as it differs every day.
     pub const DRILLS: [RuleSet; 3] = [RuleSet::LineUp, RuleSet::SpotShots, RuleSet::PositionPlay];
-    /// Most CPU threads.
+    /// Largest number of CPU threads.
     pub const THREADS_MAX: u16 = 1024;
 
-    /// The best score of a drill; none of other games.
+    /// The best score of a drill; none for other games.
     pub fn drill_best(&self, rules: RuleSet) -> Option<u32> {
         let place = Self::DRILLS.iter().position(|drill| *drill == rules)?;
         Some(self.drill_bests[place])
     }
 
-    /// Keeps the score of a drill that is over if it is the best.
+    /// Stores the score of a finished drill if it is the best.
     pub fn note_drill(&mut self, rules: RuleSet, score: u32) {
         if let Some(place) = Self::DRILLS.iter().position(|drill| *drill == rules) {
             let best = &mut self.drill_bests[place];

@@ -1,12 +1,13 @@
-//! The measured cost and error of each precision of particles that the settings offer.
+//! Measured cost and error of each precision of particles in the settings.
 
 use carom_billiards::physics::ParticlePrecision;
 use carom_text::text;
 
-/// Of the shot into the sand trap: how many particles there are, CPU time in s, and in mm the mean distance of the cue
-/// ball over its first second, and of how high sand lies behind it, from what they are at the finest.
+/// Figures of the shot into the sand trap: number of particles; CPU time in s; mean difference from the
+/// finest precision, in mm, of the cue ball's position over the first second, and of the height of the sand
+/// behind it.
 const fn figures(precision: ParticlePrecision) -> [&'static str; 4] {
-    // `carom-bench particles --part precision`: rows of `tests/bench/MEASUREMENTS.md`.
+    // Measured by `carom-bench particles --part precision`; also in `tests/bench/MEASUREMENTS.md`.
     match precision {
         ParticlePrecision::Coarse => ["2560", "1.1", "40", "1.9"],
         ParticlePrecision::Standard => ["4000", "1.1", "11", "2.0"],
@@ -14,7 +15,7 @@ const fn figures(precision: ParticlePrecision) -> [&'static str; 4] {
     }
 }
 
-/// The cost and error of one precision, in a sentence.
+/// Cost and error of a precision, in a sentence.
 pub fn particle_cost(precision: ParticlePrecision) -> String {
     let [particles, time, differs, surface] = figures(precision);
     text!(

@@ -1,4 +1,4 @@
-//! The settings file: read once, written when something was changed, never destroyed.
+//! The settings file, which is read once and written after changes; a broken file is kept under another name.
 
 use std::fs;
 use std::io::{ErrorKind, Read as _, Write as _};
@@ -14,23 +14,23 @@ use super::field::{self, FIELDS, SettingsField};
 use crate::input::{ACTIONS, Action};
 use crate::{Error, SettingFault};
 
-/// Settings and where they are kept.
+/// Settings and their file.
 #[derive(Clone, Debug, Default)]
 pub struct SettingsStore {
-    /// What counts now.
+    /// The present settings.
     pub settings: Settings,
     saved: Settings,
     document: DocumentMut,
     path: Option<PathBuf>,
     warnings: Vec<String>,
-    /// The file is no TOML: it is moved aside before a new one is written.
+    /// Whether the file is not valid TOML: it is moved aside before a new one is written.
     is_broken: bool,
 }
 
 impl SettingsStore {
-    /// The file of this player: `carom/settings.toml` in the platform's folder for configuration
-    /// (`$XDG_CONFIG_HOME`, `~/.config`, `~/Library/Preferences` or `%APPDATA%`). Where the platform
-    /// names none, settings last as long as the program.
+    /// Opens the player's file: `carom/settings.toml` in the platform's configuration folder
+    /// (`$XDG_CONFIG_HOME`, `~/.config`, `~/Library/Preferences` or `%APPDATA%`). If the platform
+    /// names none, settings are not saved.
     pub fn of_player() -> Self {
         match etcetera::base_strategy::choose_native_strategy() {
             Ok(folders) => Self::open(folders.config_dir().join("carom").join("settings.toml")),
@@ -41,8 +41,8 @@ impl SettingsStore {
         }
     }
 
-    /// Reads a file. One that is not there, or wrong, gives the defaults for what it lacks, and
-    /// [`SettingsStore::warnings`] say what is wrong.
+    /// Opens a file. Missing and invalid settings have their defaults, and [`SettingsStore::warnings`] say
+    /// what is invalid.
     pub fn open(path: PathBuf) -> Self {
         let mut store = match read(&path) {
             Ok(text) => Self::from_toml(&text),
@@ -61,8 +61,8 @@ impl SettingsStore {
         store
     }
 
-    /// Settings of a file's text, kept nowhere. A wrong one gives the defaults for what it lacks, as
-    /// [`SettingsStore::open`] does.
+    /// Settings of a file's text, which are not saved. Missing and invalid settings have their defaults, as
+    /// in [`SettingsStore::open`].
     pub fn from_toml(text: &str) -> Self {
         let mut store = Self::default();
         store.parse(text);
@@ -70,17 +70,17 @@ impl SettingsStore {
         store
     }
 
-    /// Text of the file with what was changed since it was read; all else as it was.
+    /// Text of the file with the settings changed since it was read; all else is as it was.
     pub fn to_toml(&self) -> String {
         self.changed_document().to_string()
     }
 
-    /// What is wrong with the file, a sentence each.
+    /// Sentences about what is invalid in the file.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// Where the settings are kept.
+    /// Path of the settings file, if there is one.
     pub fn path(&self) -> Option<&Path> {
         self.path.as_deref()
     }
@@ -92,7 +92,7 @@ impl SettingsStore {
         change(&mut self.saved);
     }
 
-    /// Writes what was changed since it was read. The file is replaced whole, or left as it was.
+    /// Writes the settings changed since the file was read. The file is replaced atomically.
     ///
     /// # Errors
     /// [`Error::Settings`].
@@ -191,7 +191,7 @@ impl SettingsStore {
         self.warnings.push(text!("settings-broken", why = why));
     }
 
-    /// The file with what was changed since it was read.
+    /// The document with the settings changed since it was read.
     fn changed_document(&self) -> DocumentMut {
         let mut document = self.document.clone();
         for SettingsField(table, key, read, _) in FIELDS {
@@ -205,7 +205,8 @@ impl SettingsStore {
         }
         for control in ACTIONS {
             let triggers = |settings: &Settings| settings.bindings.triggers(control.action);
-            // A row that lost a key to another action, which may give it back now, is of no more use.
+            // A row that differs from the bindings in use, as one that lost a key to another action, is
+            // written anew.
             let row = document.get("keys").and_then(|rows| rows.get(control.name));
             let row = row
                 .and_then(Item::as_value)
@@ -251,8 +252,8 @@ fn read(path: &Path) -> std::io::Result<String> {
     Ok(text)
 }
 
-/// Puts a value where it belongs, and leaves comments where they are. A heading that the player has
-/// made something else than a table stays so.
+/// Sets a value and preserves its comments. If `table` is not a table in the player's file, nothing is
+/// changed.
 fn enter(document: &mut DocumentMut, table: &str, key: &str, mut value: Value) {
     let fresh = || Item::Table(toml_edit::Table::new());
     let rows = document.entry(table).or_insert_with(fresh);
@@ -265,11 +266,11 @@ fn enter(document: &mut DocumentMut, table: &str, key: &str, mut value: Value) {
     rows.insert(key, Item::Value(value));
 }
 
-/// Renames a file, so that another takes its place, by why: to `settings.broken.toml`, or the first such
-/// name with a number that is free. The new name.
+/// Renames a file by the reason, such as `settings.broken.toml`, or with the first number that makes such a
+/// name free, and returns the new path.
 ///
 /// # Errors
-/// The system's.
+/// Those of the system.
 pub(crate) fn set_aside(path: &Path, why: &str) -> std::io::Result<PathBuf> {
     let ending = path.extension().unwrap_or_default().display();
     let name = |number: u32| match number {
@@ -282,7 +283,7 @@ pub(crate) fn set_aside(path: &Path, why: &str) -> std::io::Result<PathBuf> {
     Ok(free)
 }
 
-/// Far more than all settings with comments.
+/// Largest size of a settings file in bytes, far more than all settings with comments.
 const BYTES_MAX: u64 = 1 << 20;
 
 #[cfg(test)]
@@ -295,7 +296,7 @@ mod tests {
     use crate::scene::ball_materials::BallSet;
     use crate::scene::table_style::{Brightness, ClothColour, CueStyle, TableStyle};
 
-    /// Of numbers that have few digits in the file.
+    /// A view whose numbers have few digits in the file.
     fn a_view() -> Viewpoint {
         Viewpoint {
             focus: glam::DVec3::new(0.25, -0.5, 0.0),

@@ -1,4 +1,4 @@
-//! Aim line and ghost ball, projected into the picture by the current camera.
+//! Aim line, ghost ball and marks on balls, projected into the picture by the current camera.
 
 use carom_billiards::physics::{AimContact, AimLine};
 use carom_billiards::rules::{PlacementArea, RuleSet, TableLayout};
@@ -9,33 +9,33 @@ use crate::camera::Projection;
 use crate::play::{AimAids, BallPath, PathEnd, ShotPreview};
 use crate::scene::ball_materials::ball_colour;
 
-/// Draws into `screen`, the window in points, which the projection's film covers.
+/// Context for drawing into `screen`, which the projection's film covers.
 #[derive(Clone, Copy)]
 pub struct AimOverlay<'a> {
-    /// Where to draw.
+    /// Target of the drawing.
     pub painter: &'a Painter,
-    /// The window.
+    /// The window, in points.
     pub screen: Rect,
-    /// The camera; its film is the window in points.
+    /// Projection of the camera; its film is the window in points.
     pub projection: &'a Projection,
     /// Radius of a ball, metres.
     pub ball_radius_m: f64,
-    /// The game, which colours the balls.
+    /// The game, which determines the balls' colours.
     pub rules: RuleSet,
-    /// Balls that hide the ways behind them: centres and radii, metres.
+    /// Centres and radii of balls that hide the paths behind them, metres.
     pub balls: &'a [(DVec3, f64)],
 }
 
-/// A piece of a ball's way that is seen.
+/// A visible segment of a ball's path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct WayPiece {
     ends: [DVec3; 2],
-    /// How far the ball is on its way, 0 to 1.
+    /// Position along the path, 0 to 1.
     share: f64,
 }
 
 impl AimOverlay<'_> {
-    /// Where the balls will go, as far as the aids show it.
+    /// Draws the preview of a shot, as far as the aids show it.
     pub fn shot_preview(&self, shot_preview: &ShotPreview) {
         for way in &shot_preview.ways {
             self.whole_way(way);
@@ -48,8 +48,8 @@ impl AimOverlay<'_> {
         }
     }
 
-    /// A ball's way in the ball's colour, fading, to where it rests, ringed, to the edge of particles, ringed with
-    /// dashes, or to its pocket, crossed.
+    /// Draws a ball's path in the ball's colour, fading, with its end: a ring where it rests, a dashed ring
+    /// at the edge of particles, a cross at its pocket.
     fn whole_way(&self, way: &BallPath) {
         let width = if way.number == 0 { 1.8 } else { 1.6 };
         for piece in self.seen_pieces(way) {
@@ -89,7 +89,7 @@ impl AimOverlay<'_> {
         }
     }
 
-    /// The pieces of a way that no ball hides.
+    /// The segments of a path that no ball hides.
     fn seen_pieces(&self, way: &BallPath) -> Vec<WayPiece> {
         let lengths = way.path.windows(2).map(|pair| pair[0].distance(pair[1]));
         let whole_m: f64 = lengths.sum();
@@ -110,7 +110,7 @@ impl AimOverlay<'_> {
         pieces
     }
 
-    /// What the cue ball meets, and where both go from there.
+    /// Draws the first contact of the cue ball, and the directions of both balls after it.
     fn contact(&self, line: &AimLine, aids: AimAids) {
         let ways = aids == AimAids::Ghost;
         match line.contact {
@@ -144,7 +144,7 @@ impl AimOverlay<'_> {
         }
     }
 
-    /// A cue ball that is carried: a ring with a tick where it may lie, with a cross where not.
+    /// Draws a carried cue ball: a ring with a tick if it may be placed here, otherwise with a cross.
     pub fn carried(&self, at: DVec2, is_legal: bool) {
         let Some((center, radius)) = self.disc(at.extend(self.ball_radius_m), self.ball_radius_m)
         else {
@@ -174,7 +174,8 @@ impl AimOverlay<'_> {
         }
     }
 
-    /// A ball that may be hit first: a ring on the cloth around it, hidden where the ball stands before it.
+    /// Marks a ball that may be hit first with a ring on the cloth around it, hidden where the ball is in
+    /// front of it.
     pub fn ringed(&self, at: DVec2, radius_m: f64) {
         let Some((center, radius)) = self.disc(at.extend(radius_m), radius_m) else {
             return;
@@ -195,7 +196,7 @@ impl AimOverlay<'_> {
         }
     }
 
-    /// The line that bounds where the cue ball may be put.
+    /// Draws the boundary of the area in which the cue ball may be placed.
     pub fn area(&self, ground: &TableLayout, area: Option<PlacementArea>) {
         let stroke = Stroke::new(1.5, GUIDE);
         let line = |from: DVec2, to: DVec2| self.segment(from.extend(0.0), to.extend(0.0), stroke);
@@ -218,7 +219,7 @@ impl AimOverlay<'_> {
         }
     }
 
-    /// A ball as it is seen: its middle and its radius, in points.
+    /// Centre and radius of a ball in the window, in points; none if it is behind the eye.
     pub(super) fn disc(&self, center: DVec3, radius_m: f64) -> Option<(Pos2, f32)> {
         let film = self.projection.film_from_world(center)?;
         let scale = self.projection.film_per_metre(center)?;
@@ -232,7 +233,7 @@ impl AimOverlay<'_> {
     }
 
     fn way(&self, from: DVec3, direction: DVec3, length_m: f64, stroke: Stroke) {
-        // From the ball's rim, so that the line does not cross the ball.
+        // Starts at the ball's surface, so that the line does not cross the ball.
         let start = from + direction * self.ball_radius_m;
         self.segment(
             start,
@@ -256,13 +257,13 @@ impl AimOverlay<'_> {
     }
 
     fn point(&self, film: DVec2) -> Pos2 {
-        // Far outside the window, floats of a few digits would make the tessellator stumble.
+        // Clamped, as the tessellator fails on coordinates far outside the window in f32.
         let film = film.clamp(DVec2::splat(-FILM_MAX), DVec2::splat(FILM_MAX));
         self.screen.min + egui::vec2(film.x as f32, film.y as f32)
     }
 }
 
-/// The colour of a ball's way after a share of it: the ball's own, light enough for the cloth, and fading.
+/// Colour of a ball's path at a share of it: the ball's own, lightened against the cloth, and fading.
 fn way_color(rules: RuleSet, number: u8, share: f64) -> Color32 {
     let [r, g, b] = ball_colour(rules, number)
         .lerp(Vec3::ONE, WHITENED)
@@ -271,9 +272,9 @@ fn way_color(rules: RuleSet, number: u8, share: f64) -> Color32 {
     Rgba::from_rgb(r, g, b).multiply(alpha).into()
 }
 
-/// How much white is mixed into the colour of a way: the 8's black and the 2's blue would not be seen.
+/// Share of white in the colour of a path: the 8's black and the 2's blue would not be visible otherwise.
 const WHITENED: f32 = 0.2;
-/// How much of a way's colour is gone at its end.
+/// Share of a path's colour that has faded at its end.
 const FADED: f32 = 0.75;
 const ARC: u32 = 24;
 const LEGAL: Color32 = Color32::from_rgb(120, 230, 160);
@@ -281,9 +282,9 @@ const LEGAL_TINT: Color32 = Color32::from_rgba_premultiplied(20, 60, 35, 90);
 const ILLEGAL: Color32 = Color32::from_rgb(255, 120, 90);
 const ILLEGAL_TINT: Color32 = Color32::from_rgba_premultiplied(80, 20, 10, 110);
 const RING: Color32 = Color32::from_rgba_premultiplied(150, 150, 140, 150);
-/// Radius of the ring around a ball, in the ball's.
+/// Radius of the ring around a ball, in the ball's radii.
 const RING_RADII: f64 = 1.35;
-/// Of the ring around a ball at the edge of particles.
+/// Number of dashes of the ring around a ball at the edge of particles.
 const DASHES: u32 = 12;
 const OBJECT_WAY_M: f64 = 0.35;
 const CUE_WAY_M: f64 = 0.2;
@@ -298,7 +299,7 @@ mod tests {
 
     use super::*;
 
-    /// What is drawn of a way along x at y = 0, seen from the side, with a ball of 0.1 m at `center`.
+    /// The visible parts of a path along x at y = 0, seen from the side, with a ball of 0.1 m at `center`.
     fn pieces(center: DVec3) -> Vec<WayPiece> {
         let camera = Camera {
             eye: Vec3::new(0.0, -3.0, 0.0),

@@ -1,4 +1,4 @@
-//! The spin disc and the power bar: they show what keys and strokes set, and can be clicked and dragged.
+//! Spin disc and power bar, which show the present values and can be clicked and dragged.
 
 use carom_billiards::physics;
 use carom_text::text;
@@ -12,12 +12,12 @@ use glam::DVec2;
 use crate::input::{AimIntent, Intent};
 use crate::play::{CueView, cue_speed_m_s};
 
-/// Draws both for the cue that is shown in `column`, a part of the window of [`super::layout::CUE_COLUMN`];
-/// what the player sets with the pointer.
+/// Draws both in `column`, a part of the window of width [`super::layout::CUE_COLUMN`], and returns the
+/// intent of the player's pointer.
 pub fn panel(ctx: &Context, column: Rect, cue: &CueView) -> Option<Intent> {
     let disc_at = column.left_bottom() + Vec2::new(12.0, -2.0 * RADIUS - 20.0);
     let words_at = disc_at - Vec2::new(0.0, 2.0 * WORDS + 6.0);
-    // As high as there is room for, in the middle of the column if it can be.
+    // As high as there is room for, centred in the column if possible.
     let room = words_at.y - column.top() - 2.0 * MARGIN - FOOT;
     let height = BAR.y.min(room).max(MARGIN);
     let middle = column.center().y - 0.5 * height - 20.0;
@@ -80,7 +80,7 @@ fn power_bar(ui: &mut Ui, bar: Vec2, power: f64) -> Option<Intent> {
     ))))
 }
 
-/// The cue ball as the player sees it along the cue, with the tip's place and the ring beyond which it
+/// Draws the cue ball as seen along the cue, with the contact point and the ring beyond which the tip
 /// slips off.
 fn spin_disc(ui: &mut Ui, cue: &CueView) -> Option<Intent> {
     let size = Vec2::splat(2.0 * RADIUS + 8.0);
@@ -101,7 +101,7 @@ fn spin_disc(ui: &mut Ui, cue: &CueView) -> Option<Intent> {
     let slips = cue.tip.length() > limit;
     painter.circle_filled(tip, 6.0, if slips { SLIPS } else { TIP });
     if slips {
-        // A cross as well, for those who do not tell the colours apart.
+        // A cross in addition to the colour, for players who cannot distinguish the colours.
         for arm in [Vec2::new(4.0, 4.0), Vec2::new(4.0, -4.0)] {
             painter.line_segment([tip - arm, tip + arm], Stroke::new(2.0, INK));
         }
@@ -114,7 +114,7 @@ fn spin_disc(ui: &mut Ui, cue: &CueView) -> Option<Intent> {
     ))))
 }
 
-/// What there is to say above the disc: two lines at most.
+/// Draws notes above the disc, two lines at most.
 fn words(ctx: &Context, at: Pos2, cue: &CueView) {
     let mut words = Vec::new();
     if cue.elevation_rad > 0.0005 {
@@ -145,9 +145,9 @@ fn words(ctx: &Context, at: Pos2, cue: &CueView) {
     });
 }
 
-/// Where the pointer holds a widget.
+/// Position at which the pointer presses a widget, if it does.
 fn clicked_at(response: &Response) -> Option<Pos2> {
-    // A quick click is down and up within one frame.
+    // `clicked` covers a quick click, which is pressed and released within one frame.
     let held = response.is_pointer_button_down_on() || response.dragged() || response.clicked();
     held.then(|| response.interact_pointer_pos()).flatten()
 }
@@ -161,15 +161,15 @@ fn power_color(power: f32) -> Color32 {
     Color32::from_rgb(mix(90.0, 235.0), mix(200.0, 80.0), mix(110.0, 50.0))
 }
 
-/// Keys have their own actions: Tab does not stop here.
+/// Sense of widgets without keyboard focus, as keys have their own actions.
 const POINTER_ONLY: Sense = Sense::CLICK.union(Sense::DRAG);
 const BAR: Vec2 = Vec2::new(18.0, 220.0);
 const RADIUS: f32 = 46.0;
-/// Beside the bar, for the width of its figure.
+/// Margin beside the bar for the width of its figure.
 const ASIDE: f32 = 21.0;
-/// Under the bar, for its figure.
+/// Height below the bar for its figure.
 const FOOT: f32 = 34.0;
-/// The height of a line of words.
+/// Height of a line of text.
 const WORDS: f32 = 20.0;
 const MARGIN: f32 = 8.0;
 const TIP: Color32 = Color32::from_rgb(40, 90, 160);
@@ -186,7 +186,7 @@ mod tests {
     use super::*;
     use crate::play::Aim;
 
-    /// What clicking somewhere in the widget with this label sets; the place is a share of it.
+    /// The intents of a click at a place in the widget with this label, given as a share of its size.
     fn clicked(label: &str, place: Vec2) -> Vec<Intent> {
         let intents = RefCell::new(Vec::new());
         let cue = CueView::resting(DVec3::ZERO, &Aim::LEVEL);

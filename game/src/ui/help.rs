@@ -1,4 +1,4 @@
-//! Help on keys and mouse, made from the action map: the panel, and `CONTROLS.md`.
+//! Help on keys and mouse, generated from the action map: the panel, and `CONTROLS.md`.
 
 use carom_text::text;
 use carom_window::theme;
@@ -6,7 +6,7 @@ use egui::{Align2, Area, Color32, Context, Grid, Id, Order, RichText, ScrollArea
 
 use crate::input::{Action, Bindings, Group};
 
-/// All controls in the middle of the window, under their headings.
+/// Draws all controls at the centre of the window, under their headings.
 pub fn panel(ctx: &Context, bindings: &Bindings) {
     Area::new(Id::unique("help"))
         .order(Order::Foreground)
@@ -27,7 +27,7 @@ pub fn panel(ctx: &Context, bindings: &Bindings) {
         });
 }
 
-/// The controls as a grid of two columns, under their headings.
+/// Draws the controls as a grid of two columns, under their headings.
 pub fn table(ui: &mut egui::Ui, bindings: &Bindings) {
     let width = ui.available_width();
     Grid::new("controls")
@@ -55,7 +55,7 @@ pub fn table(ui: &mut egui::Ui, bindings: &Bindings) {
         });
 }
 
-/// The one control that is bound to no key.
+/// Label and description of the one control without a binding.
 fn aim_by_mouse() -> [&'static str; 2] {
     [text!("controls-mouse"), text!("controls-mouse-aims")]
 }

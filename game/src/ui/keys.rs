@@ -1,4 +1,4 @@
-//! The page where every control can be given other keys.
+//! Page of the key bindings.
 
 use carom_text::text;
 use carom_window::theme;
@@ -6,13 +6,13 @@ use egui::{Grid, RichText, ScrollArea, Ui};
 
 use crate::input::{Action, BindingError, Bindings, Group, Trigger};
 
-/// What is being bound.
+/// State of a rebinding.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rebinding {
     wanted: Option<Action>,
-    /// A key that does something else already, and what it was wanted for.
+    /// A trigger that is bound to another action, the action that it was meant for, and the error.
     conflict: Option<(Trigger, Action, BindingError)>,
-    /// Why a key cannot be used.
+    /// Reason why a trigger cannot be bound.
     refusal: Option<BindingError>,
 }
 
@@ -21,7 +21,7 @@ impl Rebinding {
         self.wanted.is_some()
     }
 
-    /// Leaves things as they are; false if nothing was being bound.
+    /// Cancels a rebinding; false if there was none.
     pub(super) fn give_up(&mut self) -> bool {
         let busy = self.wanted.is_some() || self.conflict.is_some();
         *self = Self::default();
@@ -48,7 +48,7 @@ pub(super) fn page(ui: &mut Ui, bindings: &mut Bindings, rebinding: &mut Rebindi
     ui.heading(text!("menu-keys"));
     status(ui, bindings, rebinding);
     let height = ui.ctx().content_rect().height() - 210.0;
-    // Words and keys share what the buttons leave.
+    // Descriptions and keys share the width that the buttons leave.
     let column = 0.5 * (ui.available_width() - BUTTONS);
     ScrollArea::vertical()
         .auto_shrink([false, true])
@@ -137,7 +137,7 @@ fn row(ui: &mut Ui, action: Action, bindings: &mut Bindings, rebinding: &mut Reb
     ui.end_row();
 }
 
-/// Keys, buttons of the mouse and, where this was built for gamepads, theirs.
+/// Labels of an action's keys, mouse buttons and, with the feature `gamepad`, gamepad controls.
 fn all_words(bindings: &Bindings, action: Action) -> String {
     let gamepad = bindings.gamepad_words(action);
     match cfg!(feature = "gamepad") && !gamepad.is_empty() {
@@ -146,10 +146,10 @@ fn all_words(bindings: &Bindings, action: Action) -> String {
     }
 }
 
-/// What a screen reader says of a button whose text is short.
+/// Sets the text of a button for screen readers.
 fn name(button: &egui::Response, words: String) {
     button.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &words));
 }
 
-/// The width of a row's buttons, with what is between.
+/// Width of a row's buttons, with their spacing.
 const BUTTONS: f32 = 180.0;

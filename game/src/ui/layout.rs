@@ -1,5 +1,5 @@
-//! Layout of the panels over the picture: each takes a strip of what the ones before have left, so that none
-//! lies over another, whatever the window's size and the size of text.
+//! Layout of the panels over the picture: each takes a strip of the remaining free part, so that none
+//! overlaps another at any size of window and text.
 
 use carom_billiards::rules::{Calls, RuleInfo, RuleSet};
 use egui::{Align, Align2, Area, Context, Id, Order, Rect, Ui, Vec2};
@@ -7,7 +7,7 @@ use glam::DVec2;
 
 use crate::camera::Framing;
 
-/// The part of the window that is still free.
+/// The free part of the window.
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
     free: Rect,
@@ -16,7 +16,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Of a part of the window in which nothing is drawn yet.
+    /// A layout of an empty part of the window.
     pub fn new(room: Rect) -> Self {
         Self {
             free: room,
@@ -25,24 +25,25 @@ impl Layout {
         }
     }
 
-    /// Whether there was no room for more than what must be seen.
+    /// Whether the window is so low that only the essential is shown.
     pub(super) fn is_low(&self) -> bool {
         self.is_low
     }
 
-    /// What is free.
+    /// The free part.
     pub fn free(&self) -> Rect {
         self.free
     }
 
-    /// Takes a column at the left.
+    /// Takes a column at the left of the free part.
     pub fn take_left(&mut self, width: f32) -> Rect {
         let (column, rest) = self.free.split_left_right_at_x(self.free.left() + width);
         self.free = rest;
         column
     }
 
-    /// What is free to either side of the room's middle, where that is wide enough; else all that is.
+    /// The free part that is symmetric about the room's centre, if that is wide enough; otherwise the whole
+    /// free part.
     fn middle(&self) -> Rect {
         let (left, right) = (
             self.center_x - self.free.left(),
@@ -57,7 +58,7 @@ impl Layout {
         }
     }
 
-    /// Draws a panel at an edge of what is free, which is at the top, the bottom, or else at the right.
+    /// Draws a panel at the top, bottom or right edge of the free part, which it is taken from.
     pub fn dock<T>(
         &mut self,
         ctx: &Context,
@@ -93,20 +94,20 @@ impl Layout {
     }
 }
 
-/// The panels of what is on show, for which the picture leaves room whether they are drawn or not: a
-/// picture that moved with each sentence would never come to rest.
+/// Panels of a mode. The picture leaves room for them whether they are drawn or not: if it moved with
+/// each message, it would never come to rest.
 #[derive(Clone, Debug)]
 pub enum Panels {
-    /// Of a game: the cue at the left, the score above, calls at the right, what can be done below.
+    /// Game: the cue at the left, the score at the top, calls at the right, actions at the bottom.
     Game(RuleInfo),
-    /// Of a replay: all below.
+    /// Replay: all at the bottom.
     Replay,
-    /// Of a table that is being laid: all below.
+    /// Practice: all at the bottom.
     Practice,
 }
 
 impl Panels {
-    /// What they leave of `room`, a part of a window of this size.
+    /// The free part that they leave of `room`, a part of a window of this size.
     pub fn framing(&self, film: Vec2, room: Rect) -> Framing {
         let is_low = room.height() < LOW;
         let (left, top, right, bottom) = match self {
@@ -139,15 +140,15 @@ impl Panels {
     }
 }
 
-/// A window of fewer points has no room for more than what must be seen.
+/// Height of the window below which only the essential is shown.
 const LOW: f32 = 500.0;
-/// A line of what is told.
+/// Height of a line of messages.
 const SENTENCE: f32 = 44.0;
-/// A width in which sentences have room.
+/// Least width for messages.
 const MIDDLE: f32 = 564.0;
-/// The column of calls.
+/// Width of the column of calls.
 const CALLS: f32 = 196.0;
-/// Between a panel and the window's edge.
+/// Gap between a panel and the window's edge.
 const GAP: f32 = 8.0;
-/// The column of power and spin.
+/// Width of the column of power and spin.
 pub const CUE_COLUMN: f32 = 124.0;

@@ -1,4 +1,4 @@
-//! The first lessons: three things to do, one after the other, each said until it is done.
+//! First lessons: three instructions, each shown until it has been followed.
 
 use carom_text::text;
 use clap::ValueEnum;
@@ -20,9 +20,9 @@ pub enum Lesson {
 }
 
 impl Lesson {
-    /// What to do; nothing after the last.
+    /// The instruction; none after the last lesson.
     pub fn sentence(self, bindings: &Bindings) -> Option<String> {
-        // One key is enough to begin with.
+        // Only the first key is named.
         let key = |action| {
             let first = bindings.triggers(action).into_iter().next();
             first.map_or_else(|| bindings.words(action), |trigger| trigger.to_string())
@@ -44,7 +44,8 @@ impl Lesson {
         })
     }
 
-    /// The lesson after something was done, on a cue that points as suggested or not.
+    /// The lesson after an intent of the player; `is_suggested` says whether a suggestion was requested
+    /// before it.
     #[must_use]
     pub fn after(self, intent: Intent, is_suggested: bool) -> Self {
         let strikes = matches!(

@@ -1,5 +1,5 @@
-//! The match over the picture: who plays, what is on, what was said, and what can be decided. Nothing is
-//! said by colour alone.
+//! Panels of the match over the picture: players and scores, legal balls, log, and decisions. No
+//! information is conveyed by colour alone.
 
 use std::rc::Rc;
 
@@ -16,28 +16,28 @@ use super::form::explain;
 use super::layout::Layout;
 use crate::input::{Action, Bindings, Intent, MatchIntent};
 
-/// What the board shows.
+/// State of the match for its panels.
 #[derive(Clone, Debug)]
 pub struct MatchHud {
     /// The match.
     pub view: Rc<MatchView>,
     /// Whether a person may play now.
     pub may_play: bool,
-    /// Whether the computer looks for a shot.
+    /// Whether the computer searches a shot.
     pub is_thinking: bool,
-    /// What the computer is about to do, a sentence.
+    /// Sentence about the computer's intention.
     pub intention: Option<String>,
-    /// Whether an undo can be taken back.
+    /// Whether a shot can be redone.
     pub may_redo: bool,
-    /// The ball that the cue points at.
+    /// The ball that the aim meets first, if something can be called.
     pub aimed: Option<u8>,
-    /// What counts as called, in words.
+    /// Description of the call that would apply, if something can be called.
     pub call: Option<String>,
-    /// The table, where something can be called.
+    /// The table's layout, if something can be called.
     pub pockets: Option<TableLayout>,
 }
 
-/// Draws the board in the middle of the window's top; of a free table there is none.
+/// Draws the score at the top centre of the window; a free table has none.
 pub fn draw_score(ctx: &Context, layout: &mut Layout, hud: &MatchHud) {
     let is_low = layout.is_low();
     if hud.view.rules != RuleSet::Free {
@@ -48,9 +48,9 @@ pub fn draw_score(ctx: &Context, layout: &mut Layout, hud: &MatchHud) {
     }
 }
 
-/// Draws what can be decided; what the player asks for with the pointer.
+/// Draws the decisions, and returns the intent that the player chose with the pointer.
 ///
-/// It takes its place from `layout`; with `log` it tells what was said so far.
+/// The panels take their place from `layout`; with `log` the log of the match is shown.
 pub fn draw(
     ctx: &Context,
     layout: &mut Layout,
@@ -96,7 +96,7 @@ fn panel(
     layout.dock(ctx, name, place, |ui| theme::frame().show(ui, draw).inner)
 }
 
-/// Who plays whom, what stands, what is to be done. In a low window one line has to do.
+/// Draws players, score and prompt, in a low window in one line.
 fn score(ui: &mut Ui, hud: &MatchHud, is_low: bool) {
     let view = &hud.view;
     ui.set_width(ui.available_width().min(BOARD));
@@ -115,7 +115,7 @@ fn score(ui: &mut Ui, hud: &MatchHud, is_low: bool) {
     });
     let prompt = match (hud.is_thinking, hud.may_play) {
         (true, false) => text!("match-thinking", player = &*view.players[view.turn].name),
-        // What it is about to do stands in the banner's place.
+        // The intention is shown in place of the prompt.
         (false, false) if view.winner.is_none() => String::new(),
         _ => view.prompt.clone(),
     };
@@ -149,7 +149,7 @@ fn score(ui: &mut Ui, hud: &MatchHud, is_low: bool) {
     });
 }
 
-/// A player: a mark for who is at the table, the name, the score, the group in words, the balls left.
+/// Draws a player: a mark for the turn, the name, the score, the group in words, the remaining balls.
 fn side(ui: &mut Ui, player: &PlayerView, points_max: Option<u32>, is_turn: bool, is_left: bool) {
     let name = match (is_turn, is_left) {
         (false, _) => player.name.clone(),
@@ -192,8 +192,8 @@ fn options(ui: &mut Ui, hud: &MatchHud) -> Option<Intent> {
     wanted
 }
 
-/// A small map of the table with its pockets to click on, and what else can be called. A shot can be
-/// struck whatever is called.
+/// Draws a small map of the table with clickable pockets, and the other calls. A shot can be struck with
+/// any call.
 fn calls(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings) -> Option<Intent> {
     let (view, layout) = (&hud.view, hud.pockets.as_ref()?);
     ui.set_max_width(MAP.x + 20.0);
@@ -238,7 +238,7 @@ fn map(ui: &mut Ui, hud: &MatchHud, layout: &TableLayout, called: Option<Call>) 
         .rect_filled(bed, 3.0, egui::Color32::from_rgb(30, 80, 55));
     let mut wanted = None;
     for (index, pocket) in layout.pockets.iter().enumerate() {
-        // The head is to the left, as the player sees it from the long side.
+        // The head of the table is at the left, as seen from the long side.
         let share = Vec2::new(
             (pocket.x / layout.length_m + 0.5) as f32,
             (0.5 - pocket.y / layout.width_m) as f32,
@@ -273,7 +273,7 @@ fn map(ui: &mut Ui, hud: &MatchHud, layout: &TableLayout, called: Option<Call>) 
     wanted
 }
 
-/// What can be done besides striking, each with its key.
+/// Draws the actions other than striking, each with its key.
 fn actions(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings, is_low: bool) -> Option<Intent> {
     let view = &hud.view;
     let helper = text!("match-take-over", level = Match::HINT_LEVEL.display_text());
@@ -321,7 +321,7 @@ fn said(ui: &mut Ui, view: &MatchView) {
 
 const MAP: Vec2 = Vec2::new(132.0, 76.0);
 const BOARD: f32 = 760.0;
-/// The height of a player's line.
+/// Height of a player's line.
 const ROW: f32 = 28.0;
 
 #[cfg(test)]
@@ -358,7 +358,8 @@ mod tests {
         }
     }
 
-    /// Gives a test's context this look in its first frame, in which nothing can be drawn yet; then says so.
+    /// Applies the theme to a test's context in its first frame, in which nothing can be drawn yet; returns
+    /// whether it was applied before.
     fn is_dressed(ctx: &egui::Context) -> bool {
         let id = egui::Id::unique("dressed");
         let was = ctx.data(|data| data.get_temp(id)).unwrap_or(false);

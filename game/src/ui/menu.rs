@@ -1,7 +1,7 @@
-//! The menu over the table and the pages that it opens.
+//! Menu over the table, and the pages that it opens.
 //!
-//! Every page works with the keyboard alone: arrows and Tab move, Enter or Space chooses, Esc goes
-//! back.
+//! Every page works with the keyboard alone: arrows and Tab move the focus, Enter or Space activates, Esc
+//! goes back.
 
 use carom_billiards::game_match::MatchView;
 use carom_billiards::rules::RuleSet;
@@ -17,34 +17,35 @@ use super::{keys, new_game, preferences};
 use crate::input::{Action, Intent, ReplayIntent, Trigger};
 use crate::settings::{Settings, SettingsStore};
 
-/// The pages over the table: those that led to the open one, and that one.
+/// Stack of the pages over the table, the open one last.
 #[derive(Clone, Debug, Default)]
 pub struct Menu {
     pages: Vec<Page>,
     rebinding: Rebinding,
     game: NewGame,
-    /// Whether the page has just been opened: then its first button takes the keyboard.
+    /// Whether the page has just been opened, in which case its first button gets the focus.
     is_fresh: bool,
-    /// The line under the pointer.
+    /// The menu entry under the pointer.
     pointed: Option<Id>,
-    /// What had the keyboard when an arrow was pressed last, and where Tab would go in its place.
+    /// The widget that had the focus when an arrow was last pressed, and the direction of Tab that replaces
+    /// it.
     arrow: Option<(Id, FocusDirection)>,
 }
 
-/// What a page asks for; changed settings are in the store.
+/// Command of a page; changed settings are in the store.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MenuCommand {
-    /// To go on with the game.
+    /// Continue the game.
     Resume,
-    /// To go on with the match that waits while its player practises.
+    /// Resume the match that is suspended during practice.
     ResumeMatch,
-    /// What a key over the table would do.
+    /// Apply an intent, as a key over the table would.
     Act(Intent),
-    /// To begin another game.
+    /// Begin another game.
     Begin(NewGame),
-    /// To play the same match again.
+    /// Begin a rematch.
     Rematch,
-    /// To end.
+    /// Quit the program.
     Quit,
 }
 
@@ -61,7 +62,7 @@ impl Menu {
         self.pages.clear();
     }
 
-    /// Goes to the page before, or to the table.
+    /// Returns to the previous page or the table.
     pub fn back(&mut self) {
         if self.rebinding.give_up() {
             return;
@@ -70,17 +71,17 @@ impl Menu {
         self.is_fresh = true;
     }
 
-    /// The page that is open.
+    /// The open page, if there is one.
     pub fn page(&self) -> Option<Page> {
         self.pages.last().copied()
     }
 
-    /// Whether the next key, button or turn of the wheel is to be bound to something.
+    /// Whether the next key, button or turn of the wheel will be bound to an action.
     pub fn wants_trigger(&self) -> bool {
         self.page() == Some(Page::Keys) && self.rebinding.wants_trigger()
     }
 
-    /// Takes that key; says whether it did.
+    /// Binds a trigger if one is expected, and returns whether it was.
     pub fn take_trigger(&mut self, trigger: Trigger, store: &mut SettingsStore) -> bool {
         let wanted = self.wants_trigger();
         if wanted {
@@ -98,7 +99,7 @@ impl Menu {
     ) -> Option<MenuCommand> {
         let page = self.page()?;
         let is_fresh = std::mem::take(&mut self.is_fresh);
-        // Each page its own modal, so that none inherits another's size.
+        // One modal per page, so that a page does not inherit another's size.
         let modal = Modal::new(Id::unique(("menu", page as u8)));
         let shown = modal.show(ctx, |ui| {
             let height = ctx.content_rect().height() - 60.0;
@@ -179,7 +180,7 @@ impl Menu {
         command
     }
 
-    /// Goes on as Tab does where an arrow has found nothing in its direction, as at the end of a row.
+    /// Moves the focus as Tab does if an arrow has found no widget in its direction, as at the end of a row.
     fn unstick(&mut self, ui: &Ui) {
         let pressed =
             |keys: [Key; 2]| ui.input(|input| keys.iter().any(|key| input.key_pressed(*key)));
@@ -207,7 +208,7 @@ impl Menu {
         Some(MenuCommand::Begin(self.game.clone()))
     }
 
-    /// Asks before an unfinished match is given up.
+    /// Page that asks for confirmation before an unfinished match is abandoned.
     fn give_up(&mut self, ui: &mut Ui, is_fresh: bool) -> Option<MenuCommand> {
         title(ui, text!("menu-give-up"));
         let mut entries = Entries::new(ui, is_fresh, self.pointed);
@@ -222,7 +223,7 @@ impl Menu {
         command
     }
 
-    /// What a newcomer may begin with.
+    /// Page with first choices for a new player.
     fn welcome(&mut self, ui: &mut Ui, is_fresh: bool) -> Option<MenuCommand> {
         title(ui, text!("menu-welcome"));
         let mut entries = Entries::new(ui, is_fresh, self.pointed);
@@ -251,7 +252,7 @@ impl Menu {
         command
     }
 
-    /// How the match ended, and what may come next.
+    /// Page with the result of the match and the next choices.
     fn result(
         &mut self,
         ui: &mut Ui,
@@ -297,7 +298,7 @@ impl Menu {
         command
     }
 
-    /// The way back, at the foot of a page, and what the page itself asked for.
+    /// Draws the back button at the foot of a page, and opens the page that was requested, if any.
     fn footer(&mut self, ui: &mut Ui, is_fresh: bool, wanted: Option<Page>) -> Option<MenuCommand> {
         ui.separator();
         ui.horizontal(|ui| {
@@ -323,13 +324,13 @@ fn title(ui: &mut Ui, words: &str) {
     ui.add_space(6.0);
 }
 
-/// The lines of a menu, of which one is chosen: by the pointer that moves over it, or by the arrows, which
-/// go round from the last line to the first.
+/// Entries of a menu, of which one has the focus: by the pointer that moves over it, or by the arrows, which
+/// wrap around from the last entry to the first.
 struct Entries<'a> {
     ui: &'a mut Ui,
     is_fresh: bool,
     ids: Vec<Id>,
-    /// The line under the pointer, before and now.
+    /// The entry under the pointer in the last frame and in this one.
     was_pointed: Option<Id>,
     pointed: Option<Id>,
 }
@@ -360,7 +361,7 @@ impl<'a> Entries<'a> {
         button.clicked()
     }
 
-    /// Lets the arrows go round; the line under the pointer.
+    /// Wraps the arrows around, and returns the entry under the pointer.
     fn finish(self) -> Option<Id> {
         let (&first, &last) = (self.ids.first()?, self.ids.last()?);
         let pressed = |key| self.ui.input(|input| input.key_pressed(key));

@@ -1,4 +1,5 @@
-//! The interface over the picture, drawn at once and without the farm: cue, aim, power, keys.
+//! User interface over the picture, drawn in every frame independently of the farm: aim, power, panels,
+//! pages.
 
 pub mod aim;
 pub mod cue_panel;

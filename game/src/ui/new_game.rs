@@ -1,4 +1,4 @@
-//! The page on which a new game is begun.
+//! Page on which a new game is chosen.
 
 use carom_billiards::ai::Level;
 use carom_billiards::game_match::{Match, MatchConfig, Player};
@@ -10,16 +10,16 @@ use egui::{Grid, ScrollArea, Ui};
 use super::form::{explain, row};
 use crate::settings::value_name;
 
-/// What the player wants to play.
+/// Choice of a new game.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NewGame {
     /// The game.
     pub rules: RuleSet,
-    /// The computer that plays against; none for two people.
+    /// Level of the computer opponent; none for two people.
     pub computer: Option<Level>,
-    /// Racks, frames or points to win; 0 for the game's own.
+    /// Racks, frames or points to win; 0 for the game's default.
     pub target: u32,
-    /// Whether a computer takes the person's place too.
+    /// Whether a computer also plays in place of the person.
     pub is_watched: bool,
 }
 
@@ -35,10 +35,10 @@ impl Default for NewGame {
 }
 
 impl NewGame {
-    /// The match that it means, on a table with `options`; `seed` draws the racks.
+    /// The chosen match, on a table with `options`; `seed` determines the racks.
     ///
     /// # Errors
-    /// A sentence if there is no such match.
+    /// If the choices do not make a valid match.
     pub fn begin(&self, seed: u32, options: TableOptions) -> carom_billiards::Result<Match> {
         let human = |name: &str| Player::Human(name.to_owned());
         let players = match (self.rules, self.computer) {
@@ -50,7 +50,7 @@ impl NewGame {
             (_, None) => vec![human(text!("player-1")), human(text!("player-2"))],
         };
         let own = MatchConfig::new(self.rules, players, seed)?;
-        // The same for everybody, whatever table each likes.
+        // The daily shot is the same for all players, so it ignores table options.
         let options = match self.rules {
             RuleSet::DailyShot => TableOptions::default(),
             _ => options,
@@ -63,7 +63,7 @@ impl NewGame {
     }
 }
 
-/// Draws the page; says whether the game is to begin.
+/// Draws the page, and returns whether the game should begin.
 pub(super) fn page(ui: &mut Ui, game: &mut NewGame, is_fresh: bool) -> bool {
     ui.set_width(560.0_f32.min(ui.ctx().content_rect().width() - 60.0));
     ui.heading(text!("menu-new-game"));
@@ -99,7 +99,7 @@ fn choices(ui: &mut Ui, game: &mut NewGame) {
         });
 }
 
-/// A row of games to choose from, and what the chosen one is.
+/// Draws a row of games to choose from, and the description of the chosen one.
 fn rules(ui: &mut Ui, game: &mut NewGame, choices: &[RuleSet]) {
     ui.horizontal_wrapped(|ui| {
         for &rules in choices {

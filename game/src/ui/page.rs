@@ -1,39 +1,39 @@
-//! The pages over the table, and the facts that they show.
+//! The pages over the table, and the input that they show.
 
 use carom_billiards::game_match::MatchView;
 
-/// A page.
+/// Page over the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Page {
-    /// What there is to do.
+    /// Main menu.
     Top,
-    /// What to play.
+    /// Choice of a new game.
     NewGame,
-    /// Whether the unfinished match is to be given up for a new game.
+    /// Confirmation that an unfinished match is abandoned for a new game.
     GiveUp,
-    /// The settings.
+    /// Settings.
     Settings,
-    /// Which key does what, and how that is changed.
+    /// Key bindings.
     Keys,
-    /// How the match ended, and what may come next.
+    /// Result of the match, and the next choices.
     Result,
-    /// What a newcomer may begin with.
+    /// First choices of a new player.
     Welcome,
 }
 
-/// What pages show that is not in the settings.
+/// State that pages show in addition to the settings.
 #[derive(Clone, Copy, Debug)]
 pub struct MenuInput<'a> {
     /// The match.
     pub view: &'a MatchView,
     /// Whether there is an unfinished match, which a new game would end.
     pub is_match_unfinished: bool,
-    /// Whether a match waits while its player practises.
+    /// Whether a match is suspended during practice.
     pub is_match_waiting: bool,
-    /// How sound is played, or why it is not.
+    /// Description of the sound output, or the reason why there is none.
     pub sound: &'a str,
-    /// What draws the window.
+    /// Name of the display that draws the window.
     pub display: &'a str,
-    /// The farm in a line: "1 of 2 nodes: …".
+    /// Status of the farm in a line, such as "1 of 2 nodes: …".
     pub farm: &'a str,
 }

@@ -1,4 +1,4 @@
-//! The page over a table that is being laid: balls follow the pointer, others come and go.
+//! Page of the practice table: balls follow the pointer, balls and particles are added and removed.
 
 use carom_billiards::physics::ParticleMaterial;
 use carom_text::text;
@@ -17,7 +17,7 @@ use crate::play::practice::{Practice, PracticeCommand};
 use crate::play::tricks::TrickTable;
 use crate::settings::value_name;
 
-/// Draws the page at the bottom; what the player wants.
+/// Draws the page at the bottom, and returns the player's command.
 pub fn panel(
     ctx: &Context,
     layout: &mut Layout,
@@ -38,7 +38,7 @@ pub fn panel(
             });
             let lying = practice.numbers();
             ui.horizontal_wrapped(|ui| {
-                // All in a row, where the window is wide enough.
+                // Tight spacing, so that all fit in a row if the window is wide enough.
                 ui.spacing_mut().item_spacing.x = 4.0;
                 ui.spacing_mut().button_padding.x = 8.0;
                 for number in 0..=NUMBER_MAX {
@@ -76,7 +76,7 @@ pub fn panel(
     })
 }
 
-/// What the cloth is painted with, and tables that are.
+/// Draws the choice of brushes and trick tables.
 fn brushes(ui: &mut Ui, practice: &Practice) -> Option<PracticeCommand> {
     let mut command = None;
     for material in ParticleMaterial::ALL {
@@ -107,7 +107,7 @@ fn brushes(ui: &mut Ui, practice: &Practice) -> Option<PracticeCommand> {
     command
 }
 
-/// What the pointer does to the balls and the cloth, seen through `projection`.
+/// The command of the pointer over balls and cloth, seen through `projection`.
 pub fn hand(
     ctx: &Context,
     projection: &Projection,
@@ -122,7 +122,7 @@ pub fn hand(
         match practice.held() {
             None if practice.brush().is_some() => {
                 let paints = free && input.pointer.primary_down();
-                // Near the cloth: what is painted is lower than balls are.
+                // At the cloth's height, as the layer of particles is lower than balls.
                 let place = projection.world_from_film(film, 0.0)?.truncate();
                 (paints && practice.is_bare(place)).then_some(PracticeCommand::Paint(place))
             }
@@ -134,7 +134,7 @@ pub fn hand(
     })
 }
 
-/// A ring round the ball in the hand, with a sign of whether it may lie there.
+/// Draws a ring around the held ball, which shows whether it may be placed there.
 pub fn ring(overlay: &AimOverlay<'_>, practice: &Practice) {
     let Some(held) = practice.held() else {
         return;
@@ -162,6 +162,6 @@ fn ball_words(number: u8) -> String {
 }
 
 const WIDTH: f32 = 700.0;
-/// Of the balls that a room of pool has.
+/// Largest number of a pool ball.
 const NUMBER_MAX: u8 = 15;
 const FREE: Color32 = Color32::from_rgb(150, 230, 160);

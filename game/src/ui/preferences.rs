@@ -1,4 +1,4 @@
-//! The page of settings. Each choice explains itself; what it trades is said with measured figures.
+//! Page of the settings. Each choice has an explanation, with measured figures where it is a trade-off.
 
 use std::thread::available_parallelism;
 
@@ -15,7 +15,7 @@ use crate::settings::{
     Settings, SettingsStore, engine_cost, engine_cost_table, particle_cost, value_name,
 };
 
-/// Draws the settings and changes them; returns the page that was asked for.
+/// Draws the settings and changes them; returns a page to be opened.
 pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>) -> Option<Page> {
     let mut wanted = None;
     ui.set_width(640.0_f32.min(ui.ctx().content_rect().width() - 60.0));
@@ -86,7 +86,7 @@ fn picture(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
     ui.end_row();
 }
 
-/// CPU threads, of which 0 is one a core.
+/// Draws the number of CPU threads, of which 0 is one per core.
 fn threads(ui: &mut Ui, threads: &mut u16) {
     row(ui, text!("setting-threads"), |ui| {
         let cores = available_parallelism().map_or(1, |cores| cores.get() as u16);
@@ -169,7 +169,7 @@ fn mouse(ui: &mut Ui, mouse: &mut MouseSettings) {
     });
 }
 
-/// A row of names, and the sentence of the one that is chosen; `key` as in the settings file.
+/// Draws a row of choices and the explanation of the chosen one; `key` is that of the settings file.
 fn choice<T: ValueEnum + PartialEq + Copy>(ui: &mut Ui, key: &str, chosen: &mut T) {
     row(ui, text!(&format!("setting-{key}")), |ui| {
         ui.horizontal_wrapped(|ui| {
@@ -184,7 +184,7 @@ fn choice<T: ValueEnum + PartialEq + Copy>(ui: &mut Ui, key: &str, chosen: &mut 
 }
 
 const TEXT_PERCENTS: [u32; 6] = [75, 100, 125, 150, 200, 250];
-/// The ends of the trade, and what is between.
+/// The offered engines: the ends of the trade-off between cost and error, and two in between.
 const ENGINES: [&str; 4] = ["exact", "rapier-60", "rapier-240", "rapier-1000"];
 
 #[cfg(test)]

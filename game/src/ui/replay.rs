@@ -1,4 +1,4 @@
-//! The page over a shot of before: which one, its time, and what can be done with it.
+//! Page of replays: choice of the shot, time control, and actions.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use crate::capture::replay::{ReplayCommand, ReplayPlayer};
 use crate::capture::{RecordingKind, SavedRecording};
 use crate::input::{Action, Bindings, ReplayControl};
 
-/// Draws the page at the bottom; what the player wants with the pointer.
+/// Draws the page at the bottom, and returns the command of the player's pointer.
 pub fn panel(
     ctx: &Context,
     layout: &mut Layout,
@@ -104,7 +104,7 @@ fn rate_words(rate: f64) -> String {
     }
 }
 
-/// The last thing that has happened.
+/// Description of the last event before a moment.
 fn happening(player: &ReplayPlayer, moment_secs: f64) -> String {
     let past = player.timeline_events().iter();
     let last = past
@@ -159,7 +159,7 @@ fn deeds(
     command
 }
 
-/// A list of the player's files.
+/// Draws a list of the player's files, and returns the chosen one.
 pub(super) fn files(ui: &mut Ui, kept: &[SavedRecording]) -> Option<PathBuf> {
     let mut command = None;
     ui.menu_button(text!("files-open"), |ui| {
@@ -178,7 +178,7 @@ pub(super) fn files(ui: &mut Ui, kept: &[SavedRecording]) -> Option<PathBuf> {
     command
 }
 
-/// The keys in a line.
+/// Line with the keys of the page.
 fn keys(bindings: &Bindings) -> String {
     let words = |action| bindings.words(action);
     let speeds = [0, 1, 2].map(|place| words(Action::ReplaySpeed(place)));

@@ -19,7 +19,7 @@ use player::{Seat, at, click, harness, harness_of, press};
 
 #[test]
 fn the_menu_leads_to_every_page_and_back_and_out() {
-    // As high as the settings.
+    // High enough for the page of settings.
     let mut harness = harness_of(Seat::free(), Vec2::new(1280.0, 1440.0));
     for (entry, page) in [("New game", Page::NewGame), ("Settings", Page::Settings)] {
         press(&mut harness, "Esc");
@@ -73,7 +73,7 @@ fn new_games_show_their_players() {
 
 #[test]
 fn settings_are_changed_by_pressing_them() {
-    // As high as all of them.
+    // High enough for all settings.
     let mut harness = harness_of(Seat::free(), Vec2::new(1280.0, 1280.0));
     press(&mut harness, "Esc");
     for entry in ["Settings", "Reduced motion", "125 %", "Glass"] {

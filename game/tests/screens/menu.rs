@@ -80,7 +80,7 @@ fn arrows_go_on_from_the_end_of_a_row() {
     assert_eq!(stays, 0, "the keyboard stays in a place");
 }
 
-/// Where what has the keyboard is outlined.
+/// Outlines of the focused widget.
 fn outlines(harness: &Harness<'_, Seat>) -> Vec<Rect> {
     let shapes = harness.output().shapes.iter();
     let outlines = shapes.filter_map(|clipped| match &clipped.shape {

@@ -11,7 +11,7 @@ fn says(harness: &Harness<'_, Seat>, words: &str) -> bool {
     harness.query_all_by_label_contains(words).next().is_some()
 }
 
-/// Does the next thing that the screen asks for.
+/// Follows the instruction on screen.
 fn obey(harness: &mut Harness<'_, Seat>) {
     if says(harness, "Move the mouse: it turns the cue") {
         for x in [600.0, 603.0] {
@@ -22,7 +22,7 @@ fn obey(harness: &mut Harness<'_, Seat>) {
     } else if says(harness, "Press F9 for a suggested shot, then Enter") {
         press(harness, "F9");
         while harness.state().session.game().is_thinking() {
-            // As fast as a person's time passes.
+            // In real time, which the computer's search runs in.
             std::thread::sleep(Duration::from_millis(50));
             harness.run_steps(1);
         }

@@ -1,4 +1,4 @@
-//! Someone who sits at the game: a session and a shell, without a window and without a farm.
+//! A simulated player: a session and a shell, without a window and without a farm.
 
 use std::path::PathBuf;
 
@@ -38,25 +38,25 @@ impl Seat {
         )
     }
 
-    /// The same with settings in a file.
+    /// A player at the free table, with settings in a file.
     pub(crate) fn kept_in(settings: PathBuf) -> Self {
         let contest = free_table(TableScene::table(), 1).unwrap();
         Self::new(contest, SettingsStore::open(settings))
     }
 
-    /// At a game of 8-ball between two people.
+    /// A player in a game of 8-ball between two people.
     pub(crate) fn eight() -> Self {
         Self::match_of(RuleSet::Eight, "Ada,Bo")
     }
 
-    /// At a match of these players.
+    /// A player in a match of these players.
     pub(crate) fn match_of(rules: RuleSet, players: &str) -> Self {
         let players = Player::list(players).unwrap();
         let setup = MatchConfig::new(rules, players, 3).unwrap();
         Self::new(Match::new(setup).unwrap(), SettingsStore::default())
     }
 
-    /// At a match that Ada has lost to Bo.
+    /// A player in a match that Ada has lost to Bo.
     pub(crate) fn lost() -> Self {
         let players = Player::list("Ada,Bo").unwrap();
         let setup = MatchConfig::new(RuleSet::Eight, players, 3).unwrap();
@@ -97,21 +97,21 @@ impl Seat {
         self.session.request_frames(now_secs);
     }
 
-    /// What happens at the window; `taken` says that it is over a panel.
+    /// Handles an input event; `taken` says whether it is over a panel.
     pub(crate) fn handle(&mut self, event: Event, taken: bool) {
         self.now_secs += 0.01;
         self.shell
             .handle(event, taken, &mut self.session, self.now_secs);
     }
 
-    /// Presses a key and lets it go.
+    /// Presses and releases a key.
     pub(crate) fn key(&mut self, label: &str) {
         for pressed in [true, false] {
             self.hold(label, pressed);
         }
     }
 
-    /// Presses a key, or lets it go.
+    /// Presses or releases a key.
     pub(crate) fn hold(&mut self, label: &str, pressed: bool) {
         let event = Event::Key {
             key: Key::from_label(label).unwrap(),
@@ -121,7 +121,7 @@ impl Seat {
         self.handle(event, false);
     }
 
-    /// Lets a shot end.
+    /// Runs frames until the shot has ended.
     pub(crate) fn wait(&mut self) {
         while self.session.shot_clock(self.now_secs).is_some() {
             self.now_secs += 0.5;
@@ -129,7 +129,7 @@ impl Seat {
         }
     }
 
-    /// Lets a shot end, and a computer decide on the next.
+    /// Runs frames until the computer has decided on its next shot.
     pub(crate) fn think(&mut self) {
         self.step(self.now_secs);
         while self.session.match_hud().intention.is_none() {
@@ -139,34 +139,34 @@ impl Seat {
         }
     }
 
-    /// From where it is seen now.
+    /// The present viewpoint.
     pub(crate) fn viewpoint(&self) -> Viewpoint {
         self.session.viewpoint(self.now_secs)
     }
 
-    /// From where it is seen once the camera has arrived.
+    /// The viewpoint once the camera has come to rest.
     pub(crate) fn settled(&mut self) -> Viewpoint {
         let mut now_secs = self.now_secs;
         for _ in 0..200 {
             now_secs += 0.05;
             self.step(now_secs);
         }
-        // The shell's time goes on as if nothing had been waited for.
+        // `self.now_secs` is unchanged, so that the shell's time does not include the wait.
         self.viewpoint()
     }
 }
 
-/// The pointer at a place of the window, points.
+/// Event of the pointer at a position in the window, in points.
 pub(crate) fn at(x: f64, y: f64) -> Event {
     Event::Pointer(DVec2::new(x, y))
 }
 
-/// A window in which someone sits.
+/// A test window with a player.
 pub(crate) fn harness(seat: Seat) -> Harness<'static, Seat> {
     harness_of(seat, WINDOW)
 }
 
-/// The same, of another size.
+/// A test window of another size with a player.
 pub(crate) fn harness_of(seat: Seat, size: Vec2) -> Harness<'static, Seat> {
     let mut harness = Harness::builder()
         .with_size(size)
@@ -183,7 +183,7 @@ pub(crate) fn press(harness: &mut Harness<'_, Seat>, label: &str) {
     harness.run_steps(4);
 }
 
-/// Presses what has this label, and lets what comes of it find its place.
+/// Clicks the widget with this label, and runs frames until the layout has settled.
 pub(crate) fn click(harness: &mut Harness<'_, Seat>, label: &str) {
     harness.get_by_label(label).click();
     harness.run_steps(12);

@@ -1,8 +1,9 @@
-//! Texts of the user interface: every sentence, label and message that the game shows, by its identifier.
+//! Texts of the user interface: every sentence, label and message that the game shows, by identifier.
 //!
-//! `en.ftl` beside this crate's manifest holds all of them in the syntax of
-//! [Project Fluent](https://projectfluent.org/fluent/guide/), so that a translator needs that file alone. A translation
-//! is a file of the same identifiers, loaded by [`load_translation`]; what it lacks stays English.
+//! `en.ftl` beside this crate's manifest holds all of them in the syntax of [Project
+//! Fluent](https://projectfluent.org/fluent/guide/), so that a translator needs that file alone. A
+//! translation is a file of the same identifiers, loaded by [`load_translation`]; missing messages stay
+//! English.
 //!
 //! ```
 //! use carom_text::text;
@@ -13,7 +14,7 @@
 //! # let _ = heading;
 //! ```
 //!
-//! That each identifier exists and is given its arguments is a test of the workspace (`texts`).
+//! The test `texts` checks that every identifier in the sources exists and gets its arguments.
 
 use std::collections::HashMap;
 use std::fs;
@@ -26,13 +27,14 @@ use fluent_bundle::{FluentArgs, FluentResource};
 use fluent_syntax::ast;
 use unic_langid::LanguageIdentifier;
 
-/// The English texts, which are complete.
+/// The English texts, in Fluent syntax; the only complete set.
 pub const ENGLISH: &str = include_str!("../en.ftl");
 
-/// Largest file of a translation, in bytes: 25 times the English one.
+/// Largest size of a translation's file, in bytes: 25 times that of the English one.
 const TRANSLATION_MAX: u64 = 1 << 20;
 
-/// The text of an identifier: `&'static str` without arguments, `String` with them (`text!("id", name = value, …)`).
+/// The text of an identifier: `&'static str` without arguments, `String` with them (`text!("id", name =
+/// value, …)`).
 ///
 /// A value is a string, a number or anything else that [`FluentValue`] is made from.
 #[macro_export]
@@ -45,7 +47,7 @@ macro_rules! text {
     };
 }
 
-/// Why a translation cannot be used.
+/// Reason why a translation cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TranslationError {
     /// A file that cannot be read.
@@ -53,7 +55,7 @@ pub enum TranslationError {
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         fault: std::io::Error,
     },
     /// A file that is not Fluent.
@@ -61,15 +63,15 @@ pub enum TranslationError {
     Syntax {
         /// The file.
         path: PathBuf,
-        /// Its first error.
+        /// Its first syntax error.
         fault: String,
     },
 }
 
-/// Loads a translation, a Fluent file of UTF-8 text up to 1 MiB, for all texts that are asked for from now on.
+/// Loads a translation, a Fluent file of UTF-8 text up to 1 MiB, which applies to all later look-ups.
 ///
 /// # Errors
-/// A file that cannot be read or parsed.
+/// If the file cannot be read or parsed, or is larger.
 pub fn load_translation(path: &Path) -> Result<(), TranslationError> {
     let unreadable = |fault| TranslationError::Unreadable {
         path: path.to_owned(),
@@ -103,7 +105,7 @@ pub fn format<const N: usize>(id: &str, values: [(&'static str, FluentValue<'_>)
     texts().resolve(id, &args).0
 }
 
-/// Texts are never freed, so that those without arguments last as long as the program.
+/// The translation in use, if one is loaded. It is leaked, so that texts without arguments are `'static`.
 static TEXTS: RwLock<Option<&'static Texts>> = RwLock::new(None);
 
 fn texts() -> &'static Texts {
@@ -115,7 +117,7 @@ fn texts() -> &'static Texts {
 
 struct Texts {
     bundle: FluentBundle<FluentResource>,
-    /// Those without arguments, ready to be drawn.
+    /// Formatted texts of the messages without arguments.
     plain: HashMap<String, &'static str>,
 }
 
@@ -125,7 +127,7 @@ impl Texts {
         let mut bundle = FluentBundle::new_concurrent(vec![
             LanguageIdentifier::from_bytes(b"en").expect("a language"),
         ]);
-        // The marks that keep left-to-right and right-to-left text apart would be drawn as boxes.
+        // Unicode's bidirectional isolation marks would be drawn as boxes.
         bundle.set_use_isolating(false);
         let mut ids = Vec::new();
         for source in [Some(ENGLISH.to_owned()), translation]
@@ -159,7 +161,7 @@ impl Texts {
         Ok(texts)
     }
 
-    /// The text of a message and whether all of its references were known.
+    /// The text of a message, and whether all of its references could be resolved.
     fn resolve(&self, id: &str, args: &FluentArgs<'_>) -> (String, bool) {
         let pattern = self
             .bundle

@@ -9,7 +9,7 @@ use fluent_syntax::ast::{
 };
 use proc_macro2::{Delimiter, Group, TokenStream, TokenTree};
 
-/// Where the texts of the interface are shown from.
+/// Folders of the sources that show texts of the interface.
 const SHOWN_BY: [&str; 4] = [
     "src",
     "billiards/src",
@@ -17,7 +17,7 @@ const SHOWN_BY: [&str; 4] = [
     "../farm/window/src",
 ];
 
-/// Files whose sentences no window shows, each with what reads them.
+/// Files whose sentences are not shown in a window, each with the reason.
 const NOT_SHOWN: &[(&str, &str)] = &[
     (
         "billiards/src/game_match/ratings.rs",
@@ -90,7 +90,8 @@ const NOT_SHOWN: &[(&str, &str)] = &[
     ("../farm/viewer/src/main.rs", "the command line"),
 ];
 
-/// Macros whose sentences no window shows: of logs, the command line, faults of the program, and ends of a sentence.
+/// Macros whose strings are not shown in a window: those of logs, the command line, internal errors, and
+/// fragments of sentences.
 const MACROS_NOT_SHOWN: &[&str] = &[
     "anyhow",
     "assert",
@@ -113,10 +114,10 @@ const MACROS_NOT_SHOWN: &[&str] = &[
     "warn",
 ];
 
-/// Functions whose strings no window shows: faults of the program, and ends of a sentence.
+/// Functions whose strings are not shown in a window: internal errors, and fragments of sentences.
 const FUNCTIONS_NOT_SHOWN: &[&str] = &["context", "expect", "with_context"];
 
-/// What one source says and asks for.
+/// String literals and look-ups of texts in a source file.
 #[derive(Default)]
 struct Literals {
     /// Identifiers of `text!` with the names of its arguments, and the line.
@@ -344,7 +345,7 @@ fn collect(tokens: TokenStream, found: &mut Literals) {
     }
 }
 
-/// Notes a `text!` and the strings of its arguments.
+/// Records a call of `text!` and the strings in its arguments.
 fn ask(group: &Group, found: &mut Literals) {
     let mut parts: Vec<Vec<TokenTree>> = vec![Vec::new()];
     for token in group.stream() {

@@ -1,25 +1,25 @@
-//! Batches: commands of many substeps, encoded at once.
+//! Batches: command buffers of many substeps.
 
 use crate::gpu::buffers::{Buffers, Grid};
 use crate::gpu::kernels::{Kernels, Stage};
 use crate::gpu::shader::GROUPS_X_MAX;
 
-/// Substeps of a batch, in groups that begin with an ordering.
+/// Plan of a batch: groups of substeps, each of which begins with a sorting.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Batch {
-    /// Substeps of a group.
+    /// Number of substeps of a group.
     pub(super) group: u32,
     pub(super) groups: u32,
-    /// Blocks of the region.
+    /// Number of blocks of the region.
     pub(super) blocks: u32,
 }
 
-/// Where the sizes of dispatches over particles, and of those over blocks of nodes, begin, in bytes.
+/// Byte offsets of the indirect dispatch sizes over particles and over blocks of nodes.
 const PARTICLE_SIZES: u64 = 0;
 const NODE_SIZES: u64 = 12;
 
 impl Batch {
-    /// Encodes the batch for particles of a turn, and returns the turn after it.
+    /// Encodes the batch for particles in the buffer of a turn, and returns the turn after it.
     pub(super) fn encode(
         self,
         pass: &mut wgpu::ComputePass,
@@ -43,7 +43,7 @@ impl Batch {
             encoder.dispatch_over(Stage::MoveParticles, PARTICLE_SIZES);
             encoder.turn = 1 - encoder.turn;
             for _ in 0..self.group {
-                // Velocities of the substep before, and the next one up to the grid and the balls.
+                // One kernel gathers the velocities of the substep before and scatters the next.
                 encoder.dispatch_over(Stage::Transfer, PARTICLE_SIZES);
                 encoder.dispatch_over(Stage::UpdateGrid, NODE_SIZES);
                 encoder.dispatch(Stage::Couple, 1);
@@ -69,7 +69,8 @@ impl Encoder<'_, '_> {
         self.pass.set_bind_group(0, bindings, &[]);
     }
 
-    /// Groups as kernels count them: rows of equal length.
+    /// Dispatches at least `groups` workgroups in equal rows of at most [`GROUPS_X_MAX`]; kernels return
+    /// early in those past the last.
     fn dispatch(&mut self, stage: Stage, groups: u32) {
         self.begin(stage);
         let rows = groups.div_ceil(GROUPS_X_MAX).max(1);
@@ -77,7 +78,7 @@ impl Encoder<'_, '_> {
             .dispatch_workgroups(groups.div_ceil(rows), rows, 1);
     }
 
-    /// As many groups as the ordering before has found.
+    /// Dispatches as many workgroups as the last sorting has counted.
     fn dispatch_over(&mut self, stage: Stage, sizes: u64) {
         self.begin(stage);
         let found = &self.buffers.dispatch_sizes[self.turn];

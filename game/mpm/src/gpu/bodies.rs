@@ -1,4 +1,4 @@
-//! Bodies as kernels see them: in cells from the region's first node.
+//! Conversion of bodies to the kernels' coordinates: cells from the region's first node.
 
 use glam::{DMat3, DVec3, IVec3};
 
@@ -6,13 +6,13 @@ use crate::body::{Ball, Bodies, Grip, Obstacle, Solid};
 use crate::gpu::layout::{BallRow, ObstacleRow};
 use crate::storage::BLOCK_EDGE;
 
-/// Lower than any ball falls.
+/// Height in m that stands for no floor, lower than any ball falls: f32 of the kernels must stay finite.
 const FLOOR_M_MIN: f64 = -1e6;
 
 /// The frame of a region's nodes.
 #[derive(Clone, Copy)]
 pub(super) struct Frame {
-    /// The region's first block.
+    /// Coordinate of the region's first block, in blocks.
     pub(super) origin: IVec3,
     pub(super) cell_size_m: f64,
 }
@@ -64,7 +64,8 @@ impl Frame {
     }
 }
 
-/// Adds to balls what a batch of a duration in s did to them.
+/// Applies the impulses and displacements of a batch of a duration in s to the balls. Differences are
+/// applied rather than the kernels' f32 states, so that the balls keep f64 precision.
 pub(super) fn move_balls(
     bodies: &mut Bodies,
     rows: &[BallRow],
@@ -77,7 +78,7 @@ pub(super) fn move_balls(
         let turn = vector(row.turn) * ball.radius_m;
         ball.velocity += impulse / ball.mass_kg + ball.acceleration * duration_secs;
         if ball.floor_m > FLOOR_M_MIN {
-            // The floor has taken up an unknown part of it.
+            // The floor has taken up an unknown part of the impulse, so the kernels' own velocity is used.
             ball.velocity.z = f64::from(row.velocity[2]);
         }
         ball.angular_velocity += turn / ball.moment_of_inertia();

@@ -8,20 +8,20 @@ use crate::gpu::particle_copy::{INDICES_MAX, PARTS, ParticleCopy};
 use crate::gpu::shader::{Features, Resource};
 use crate::storage::BLOCK_NODES;
 
-/// Most balls: a bit of a word each tells whether particles touch it.
+/// Largest number of balls: one bit of a 32-bit word per ball says whether particles touch it.
 pub const GPU_BALLS_MAX: usize = 32;
 
-/// Most obstacles.
+/// Largest number of obstacles.
 pub const GPU_OBSTACLES_MAX: usize = 256;
 
-/// Most materials: a uniform buffer of the least size holds them.
+/// Largest number of materials, which fit into a uniform buffer of WebGPU's guaranteed size.
 pub const GPU_MATERIALS_MAX: usize = 256;
 
-/// Most blocks of 4x4x4 cells of the box around all particles, where the device's buffers hold as
-/// many: 1 GiB of nodes.
+/// Largest number of blocks of 4x4x4 cells of the box around all particles, if the device's buffers hold as
+/// many: 512 MiB for each buffer of nodes.
 pub const GPU_BLOCKS_MAX: usize = 1 << 19;
 
-/// Buffers whose size never changes.
+/// Buffers of fixed size.
 pub(super) struct Buffers {
     pub(super) params: wgpu::Buffer,
     pub(super) control: wgpu::Buffer,
@@ -31,13 +31,13 @@ pub(super) struct Buffers {
     pub(super) readback: wgpu::Buffer,
     materials: wgpu::Buffer,
     keys: wgpu::Buffer,
-    /// Present ones and those after the next ordering, by turns; so are the next two.
+    /// Double buffers, as are the two fields below: one holds the present state, sorting writes the other.
     pub(super) particles: [wgpu::Buffer; 2],
     pub(super) chunks: [wgpu::Buffer; 2],
     pub(super) dispatch_sizes: [wgpu::Buffer; 2],
 }
 
-/// Buffers of the grid, made anew when it grows.
+/// Buffers of the grid, reallocated when it grows.
 struct GridBuffers {
     blocks: usize,
     table: wgpu::Buffer,
@@ -52,14 +52,14 @@ struct GridBuffers {
 /// The grid's buffers and all bind groups.
 pub(super) struct Grid {
     buffers: GridBuffers,
-    /// Of each [`Stage`], for both turns of the particles.
+    /// Bind groups of each [`Stage`] for both turns of the double buffers.
     bindings: Vec<[wgpu::BindGroup; 2]>,
 }
 
 const STORAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE;
 const COPIED: wgpu::BufferUsages = wgpu::BufferUsages::COPY_SRC.union(wgpu::BufferUsages::COPY_DST);
 
-/// The most blocks that a device's buffers hold.
+/// Largest number of blocks that a device's buffers hold.
 pub(super) fn blocks_max(gpu: &Gpu) -> usize {
     let limits = gpu.device.limits();
     let bytes = limits
@@ -68,7 +68,7 @@ pub(super) fn blocks_max(gpu: &Gpu) -> usize {
     (bytes as usize / (BLOCK_NODES * size_of::<[f32; 4]>())).min(GPU_BLOCKS_MAX)
 }
 
-/// Refuses more particles than a device's buffers hold.
+/// Returns an error for more particles than a device's buffers and the index bits hold.
 pub(super) fn check_particles(gpu: &Gpu, count: usize) -> Result<()> {
     let limits = gpu.device.limits();
     let bytes = limits
@@ -104,6 +104,8 @@ impl Buffers {
     ) -> Result<Self> {
         let count = copy.parts.len() / PARTS;
         let of = |len: usize, size: usize, usage| buffer(gpu, len * size, usage);
+        // Each block with particles has at most one chunk more than its full ones. 64 pad the last dispatch
+        // row.
         let chunks_max = count / features.chunk as usize + count.min(blocks_max(gpu)) + 64;
         let particles = || of(copy.parts.len(), size_of::<[f32; 4]>(), STORAGE | COPIED);
         let chunks = || of(chunks_max, size_of::<Chunk>(), STORAGE | COPIED);
@@ -129,7 +131,7 @@ impl Buffers {
         };
         let chunk_count = copy.chunks.len() as u32;
         let rows = chunk_count.div_ceil(super::shader::GROUPS_X_MAX).max(1);
-        // Chunks past the last have no particles, as buffers begin as zeros.
+        // Chunks past the last are empty, as buffers are initialised with zeros.
         let sizes = [chunk_count.div_ceil(rows), rows, 1, 0, 1, 1];
         gpu.guarded(|_| {
             let write = |buffer, bytes: &[u8]| gpu.queue.write_buffer(buffer, 0, bytes);
@@ -142,12 +144,12 @@ impl Buffers {
     }
 }
 
-/// Of [`Control`], [`Counters`] and the balls, one after the other.
+/// Size of the read-back buffer: [`Control`], [`Counters`] and the balls, in this order.
 pub(super) const READBACK_BYTES: u64 =
     (size_of::<Control>() + size_of::<Counters>() + GPU_BALLS_MAX * size_of::<BallRow>()) as u64;
 
 impl Grid {
-    /// For a number of blocks.
+    /// Allocates the buffers of a number of blocks and binds them.
     pub(super) fn new(
         gpu: &Gpu,
         blocks: usize,
@@ -189,7 +191,7 @@ impl Grid {
     }
 }
 
-/// The buffer of a resource when particles are those of a turn.
+/// The buffer of a resource at a turn of the double buffers.
 fn find<'a>(
     resource: Resource,
     turn: usize,

@@ -1,4 +1,4 @@
-//! GPUs: their opening, and calls whose failures are errors.
+//! Opening of GPUs, and calls that return the device's failures as errors.
 
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -8,54 +8,54 @@ use std::time::Duration;
 
 use crate::error::{Error, Result};
 
-/// A device that computes through Vulkan, Metal or Direct3D 12. Clones are the same device.
+/// Handle to a compute device of Vulkan, Metal or Direct3D 12. Clones share the device.
 #[derive(Clone)]
 pub struct Gpu {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     name: String,
-    /// The first failure that no call reported.
+    /// The first failure reported outside of error scopes.
     failure: Arc<Mutex<Option<String>>>,
     pipelines: Arc<Mutex<Pipelines>>,
 }
 
-/// Compiled pipelines by their entry points and texts.
+/// Compiled pipelines by entry point and shader source.
 type Pipelines = HashMap<(&'static str, String), wgpu::ComputePipeline>;
 
-/// Simulations come and go; pipelines of this number are kept.
+/// Capacity of the pipeline cache, which simulations on one device share.
 const PIPELINES_MAX: usize = 64;
 
-/// How long a submission may take before the device counts as hung: a batch takes a few seconds on
-/// loaded software Vulkan.
+/// Time after which a submission counts as hung: a batch takes a few seconds on loaded software Vulkan.
 const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(120);
 
-/// Between two looks at whether the device is done.
+/// Range of pauses between two polls of the device.
 const PAUSE_MIN: Duration = Duration::from_micros(20);
 const PAUSE_MAX: Duration = Duration::from_millis(2);
 
 impl Gpu {
-    /// The most capable GPU.
+    /// Opens a GPU: discrete ones are preferred to integrated and virtual ones.
     ///
     /// # Errors
     ///
-    /// If there is none, or its driver refuses.
+    /// If there is none, or its driver refuses a device.
     pub fn open() -> Result<Self> {
         Self::open_first(|info| info.device_type != wgpu::DeviceType::Cpu)
     }
 
-    /// The same, or a processor that pretends to be a GPU where there is none: right, but slower
-    /// than [`crate::Simulation`].
+    /// Opens a GPU as [`Self::open`], or a software implementation where there is none, which is correct
+    /// but slower than [`crate::Simulation`].
     ///
     /// # Errors
     ///
-    /// If there is none, or its driver refuses.
+    /// If there is none, or its driver refuses a device.
     pub fn open_any() -> Result<Self> {
         Self::open_first(|_| true)
     }
 
     fn open_first(is_wanted: impl Fn(&wgpu::AdapterInfo) -> bool) -> Result<Self> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-        // Validation of indirect calls would add a dispatch to each; ours are right by construction.
+        // Validation of indirect dispatches would add a dispatch to each; these sizes are right by
+        // construction.
         descriptor.flags = wgpu::InstanceFlags::empty();
         descriptor.backends = wgpu::Backends::PRIMARY;
         let instance = wgpu::Instance::new(descriptor);
@@ -109,7 +109,7 @@ impl Gpu {
         &self.name
     }
 
-    /// Runs `work` and turns every failure of this thread's calls into an error.
+    /// Runs `work` in error scopes, and returns the first failure of its calls as an error.
     pub(super) fn guarded<T>(&self, work: impl FnOnce(&wgpu::Device) -> T) -> Result<T> {
         let scopes = [
             wgpu::ErrorFilter::Internal,
@@ -129,7 +129,7 @@ impl Gpu {
         }
     }
 
-    /// The pipeline of a shader's entry point, compiled if need be.
+    /// The pipeline of a shader's entry point, from the cache or compiled.
     pub(super) fn pipeline(
         &self,
         entry_point: &'static str,
@@ -155,7 +155,7 @@ impl Gpu {
                 module: &module,
                 entry_point: Some(entry_point),
                 compilation_options: wgpu::PipelineCompilationOptions {
-                    // Kernels write what they then read.
+                    // Kernels write workgroup memory before they read it.
                     zero_initialize_workgroup_memory: false,
                     ..Default::default()
                 },
@@ -170,7 +170,7 @@ impl Gpu {
         Ok(pipeline)
     }
 
-    /// Submits commands, waits for them, and returns what a buffer then holds.
+    /// Submits commands, waits for them, and returns the contents of a mappable buffer.
     pub(super) fn submit_and_read(
         &self,
         commands: wgpu::CommandBuffer,
@@ -195,12 +195,12 @@ impl Gpu {
         Ok(bytes)
     }
 
-    /// Waits for a mapping: looks now and then, with pauses of a sixteenth of the time waited so
-    /// far, as the driver's own wait wakes late.
+    /// Waits for a mapping by polling, as the driver's own wait wakes late. Pauses are a sixteenth of the
+    /// time waited so far, so that they delay the result by little more than that share.
     fn wait(&self, mapping: &Receiver<Result<(), wgpu::BufferAsyncError>>) -> Result<()> {
         let mut waited = Duration::ZERO;
         while waited < SUBMISSION_TIMEOUT {
-            // wgpu 30 panics when the device is lost, which is no bug of anybody in this process.
+            // wgpu 30 panics when the device is lost, which is not a programming error.
             let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(wgpu::PollType::Poll)));
             self.check()?;
             match polled {
@@ -231,7 +231,7 @@ impl Gpu {
     }
 }
 
-/// Keeps the first failure that the device reports by itself.
+/// Records the first failure that the device reports outside of error scopes.
 fn watch(device: &wgpu::Device, failure: &Arc<Mutex<Option<String>>>) {
     let keep = |failure: &Mutex<Option<String>>, message: String| {
         let mut failure = failure.lock().unwrap_or_else(PoisonError::into_inner);

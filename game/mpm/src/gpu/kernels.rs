@@ -1,4 +1,4 @@
-//! Kernels: compiled pipelines and the resources that each binds.
+//! Kernels: compute pipelines and the resources that each binds.
 
 use crate::error::Result;
 use crate::gpu::device::Gpu;
@@ -9,14 +9,14 @@ use crate::gpu::shader::Resource::{
     Touches, Velocities,
 };
 
-/// A pipeline and what it binds.
+/// A compute pipeline and the resources that it binds.
 pub(super) struct ComputeKernel {
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     resources: &'static [Resource],
 }
 
-/// The kernels: five of an ordering, then those of a substep.
+/// The kernels: five of a sorting, then three of a substep.
 #[derive(Clone, Copy)]
 pub(super) enum Stage {
     ClearTable,
@@ -35,7 +35,8 @@ pub(super) struct Kernels(pub(super) Vec<ComputeKernel>);
 impl Kernels {
     pub(super) fn compile(gpu: &Gpu, features: &Features) -> Result<Self> {
         let order = features.order();
-        // The resources of means of friction follow the others.
+        // Resources for coefficients of friction per node are last in each list, and left out if all
+        // materials have the same coefficient.
         let with_friction = |resources: &'static [Resource], more: usize| match features.friction {
             Some(_) => &resources[..resources.len() - more],
             None => resources,

@@ -1,4 +1,5 @@
-//! Layout of the buffers that kernels read and write, as `shaders/structs.wgsl` has it.
+//! Layout of the buffers that kernels read and write. It mirrors `shaders/structs.wgsl`, which describes
+//! the fields.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -23,7 +24,7 @@ pub(super) struct Params {
     pub(super) padding: [u32; 3],
 }
 
-/// State of the substeps.
+/// State of the sequence of substeps.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Control {
@@ -43,7 +44,7 @@ pub(super) struct Control {
     pub(super) padding: [u32; 3],
 }
 
-/// Counts and bounds that kernels find together.
+/// Counts and bounds that the threads of kernels accumulate atomically.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Counters {
@@ -64,7 +65,7 @@ pub(super) const NOT_FINITE: u32 = 1;
 pub(super) const DRIFTED: u32 = 2;
 pub(super) const TOO_HEAVY: u32 = 4;
 
-/// Particles of one block, for one workgroup.
+/// Range of particles of one block, processed by one workgroup.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Chunk {
@@ -137,7 +138,7 @@ pub(super) struct BallRow {
     pub(super) velocity: [f32; 3],
     pub(super) mass: f32,
     pub(super) spin: [f32; 3],
-    /// Under which its centre does not sink, in cells.
+    /// Least height of its centre, in cells.
     pub(super) floor_height: f32,
     pub(super) acceleration: [f32; 3],
     pub(super) padding_1: f32,

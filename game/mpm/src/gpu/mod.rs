@@ -10,12 +10,12 @@
 //!                              └──────────────────────────────────────┘
 //! ```
 //!
-//! Particles lie in chunks of one block of 4x4x4 cells, a workgroup a chunk. A chunk gathers from and
-//! scatters to a tile in the workgroup's memory, with a margin of a cell, so that particles need to be
-//! put in order only when they may have moved by almost as much. Tiles add up momentum and mass as 32-bit
-//! integers and the grid adds up tiles alike: sums of integers do not depend on order, so the same GPU
-//! gives the same bits every time. One thread chooses each substep's length by the CPU's rules, and ends a
-//! batch early when the grid's region must be fitted anew.
+//! Particles are stored in chunks, each of one block of 4x4x4 cells and processed by one workgroup. A chunk
+//! gathers from and scatters to a tile in workgroup memory, with a margin of a cell, so that particles need
+//! to be sorted only when they may have moved by almost as much. Tiles accumulate momentum and mass as
+//! 32-bit integers, and so does the grid: integer sums do not depend on order, so the same GPU gives the
+//! same bits every time. One thread chooses each substep's length by the CPU's rules, and ends a batch
+//! early when the grid's region must be fitted anew.
 
 mod batch;
 mod bodies;

@@ -1,10 +1,11 @@
-//! Copies of particles between the CPU's storage and the GPU's: seven vectors a particle.
+//! Conversion of particles between the CPU's storage and the GPU's, seven vectors of four 32-bit words a
+//! particle.
 //!
 //! | vector | contents |
 //! |---|---|
-//! | 0 | place in cells from the block's first node, less one half; state |
+//! | 0 | position in cells from the block's first node, less one half; state variable |
 //! | 1, 2 | deformation gradient by columns, entries 0 to 7 |
-//! | 3 | its entry 8; volume in m³; the material's index in 8 bits and the particle's in 24; what rounding took of its momentum |
+//! | 3 | entry 8; volume in m³; indices of material (8 bits) and particle (24); rounding error of momentum |
 //! | 4, 5, 6 | velocity in m/s; affine velocity by columns |
 
 use std::collections::HashMap;
@@ -16,25 +17,26 @@ use crate::material::Material;
 use crate::packet::{Packet, room_in};
 use crate::storage::{BLOCK_EDGE, Storage};
 
-/// Vectors of a particle.
+/// Number of vectors of a particle.
 pub(super) const PARTS: usize = 7;
 
-/// Bits of a particle's index.
+/// Mask of a particle's index.
 const INDEX: u32 = (1 << 24) - 1;
 
-/// Most particles, by those bits.
+/// Largest number of particles that those bits can index.
 pub(super) const INDICES_MAX: usize = 1 << 24;
 
-/// All particles in chunks of a block, part by part.
+/// All particles in chunks of one block each, as a structure of arrays: all first vectors, all second ones,
+/// and so on.
 pub(super) struct ParticleCopy {
-    /// Ids by the particles' indices.
+    /// Ids by the particles' GPU indices.
     pub(super) ids: Vec<u32>,
     pub(super) chunks: Vec<Chunk>,
     pub(super) parts: Vec<[u32; 4]>,
 }
 
 impl ParticleCopy {
-    /// Of a storage of some particles.
+    /// Copies a storage of `count` particles, in chunks of at most `chunk_len`.
     pub(super) fn of_storage(storage: &Storage, count: usize, chunk_len: usize) -> Self {
         let mut copy = Self {
             ids: Vec::with_capacity(count),
@@ -64,7 +66,8 @@ impl ParticleCopy {
         copy
     }
 
-    /// As a storage, in the order of ids; it must be put in order.
+    /// Converts to a storage with particles in the order of ids, so that it does not depend on the GPU's
+    /// order; [`Storage::put_in_order`] must follow.
     pub(super) fn into_storage(self, cell_size_m: f32, materials: &[Material]) -> Storage {
         let count = self.parts.len() / PARTS;
         let mut places: Vec<(u32, IVec3, usize)> = self
@@ -111,7 +114,7 @@ fn vectors(packet: &Packet, lane: usize, index: u32) -> [[u32; 4]; PARTS] {
     vectors
 }
 
-/// The mass in the fullest cell, in kg.
+/// Largest mass of the particles of one cell, in kg.
 pub(super) fn fullest_cell_kg(storage: &Storage) -> f64 {
     let mut cells: HashMap<IVec3, f64> = HashMap::new();
     for block in &storage.blocks {
@@ -131,6 +134,7 @@ fn packet(vectors: &[[u32; 4]; PARTS], id: u32, materials: &[Material]) -> Packe
     let mut packet = Packet::new(material as u16, place[3]);
     packet.len = 1;
     packet.position[0] = [place[0], place[1], place[2], 0.0];
+    // From the kernels' column-major order to the packet's row-major one.
     let columns = [f[0], f[1], f[2], f[3], g[0], g[1], g[2], g[3], constants[0]];
     for (entry, value) in columns.into_iter().enumerate() {
         packet.deformation[entry % 3 * 3 + entry / 3][0] = value;

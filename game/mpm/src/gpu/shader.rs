@@ -1,4 +1,5 @@
-//! Shaders: parts joined, constants of the CPU's code before them, and only the materials that there are.
+//! Shader sources, assembled from parts: constants of the CPU's code, shared structures, and the
+//! constitutive models in use only.
 
 use std::fmt::Write as _;
 
@@ -7,14 +8,14 @@ use crate::material::{EXPANSION_MAX, EXPANSION_MIN, Material, PLASTIC_VOLUME, ST
 use crate::simulation::TRAVEL_CELLS_MAX;
 use crate::touch::{MARGIN_CELLS, PARTING, PARTING_MAX_M_S, SHARE_MIN};
 
-/// Cells that a particle may move before it must be put in order again: less than a tile's margin,
-/// as speeds of nodes bound those of particles but for rounding.
+/// Distance along an axis, in cells, that a particle may move before particles must be sorted again: less
+/// than a tile's margin, as the speeds of nodes bound those of particles only up to rounding.
 pub(super) const DRIFT_MAX: f32 = 0.9;
 
-/// Workgroups along the x axis of a dispatch; any number below Vulkan's 65,535.
+/// Largest number of workgroups along x of a dispatch, below WebGPU's and Vulkan's guaranteed 65,535.
 pub(super) const GROUPS_X_MAX: u32 = 32_768;
 
-/// Bindings of resources, the same in all kernels.
+/// Resources of kernels with their binding numbers, which are the same in all kernels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub(super) enum Resource {
@@ -39,23 +40,23 @@ pub(super) enum Resource {
     Touches = 18,
 }
 
-/// On what the text of the shaders depends.
+/// Parameters of the shader sources.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Features {
-    /// Names of the models of [`MODELS`] that there are.
+    /// Names of the models of [`MODELS`] in use.
     pub(super) models: Vec<&'static str>,
-    /// How many materials there are.
+    /// Number of materials, at least 1.
     pub(super) materials: usize,
-    /// The coefficient of friction of all materials, if it is one.
+    /// Coefficient of friction if all materials have the same one.
     pub(super) friction: Option<f32>,
-    /// Particles of a chunk.
+    /// Particles of a chunk, which is the workgroup size of kernels over particles.
     pub(super) chunk: u32,
 }
 
-/// Names of the models in the order of their kinds, each with a function and a part of its name.
+/// Names of the models in the order of their kinds, which are also those of their WGSL functions and files.
 pub(super) const MODELS: [&str; 4] = ["jelly", "water", "sand", "snow"];
 
-/// The kind of a material: its model's index.
+/// Kind of a material: the index of its model in [`MODELS`].
 pub(super) fn kind(material: &Material) -> usize {
     match material {
         Material::Jelly(_) => 0,
@@ -106,7 +107,7 @@ impl Features {
         text
     }
 
-    /// Calls the model of a material.
+    /// Source of the function that calls a material's model, with a branch only for each model in use.
     fn advance_material(&self) -> String {
         let mut text =
             "fn advance_material(material: Material, strain: Strain) -> Response {\n".to_owned();
@@ -159,7 +160,7 @@ impl Features {
             .join("\n")
     }
 
-    /// Grid to particles to grid.
+    /// Source of the transfer from grid to particles and back to the grid.
     pub(super) fn transfer(&self) -> String {
         let advance = self.advance_material();
         let mut parts = self.model_parts();
@@ -183,7 +184,7 @@ impl Features {
         }
     }
 
-    /// Update of the grid.
+    /// Source of the grid update.
     pub(super) fn grid(&self) -> String {
         let obstacle = include_str!("shaders/obstacle.wgsl");
         self.join(&[
@@ -193,7 +194,7 @@ impl Features {
         ])
     }
 
-    /// Contacts of balls, and the choice of the next substep.
+    /// Source of the coupling with balls and the choice of the next substep.
     pub(super) fn coupling(&self) -> String {
         self.join(&[
             include_str!("shaders/obstacle.wgsl"),
@@ -203,7 +204,7 @@ impl Features {
         ])
     }
 
-    /// Ordering of particles.
+    /// Source of the five kernels that sort particles.
     pub(super) fn order(&self) -> String {
         let control = include_str!("shaders/control.wgsl");
         self.join(&[control, include_str!("shaders/order.wgsl")])

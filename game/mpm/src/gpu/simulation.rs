@@ -1,4 +1,4 @@
-//! Simulation on a GPU: particles that stay there from batch to batch.
+//! Simulation on a GPU, where the particles stay between batches of substeps.
 
 use glam::IVec3;
 
@@ -20,52 +20,52 @@ use crate::gpu::shader::{DRIFT_MAX, Features};
 use crate::simulation::{Simulation, StepReport, TRAVEL_CELLS_MAX};
 use crate::storage::{Particle, Storage};
 
-/// Particles of a chunk, which one workgroup handles: with 128 an H100 takes 4 to 11 % longer for a
-/// million, with 64 55 to 75 %.
+/// Particles of a chunk and threads of its workgroup. With 128 an H100 takes 4 to 11 % longer for a
+/// million particles, with 64 55 to 75 %.
 const CHUNK: u32 = 256;
 
-/// Most substeps from one ordering to the next.
+/// Largest number of substeps between two sortings.
 const GROUP_MAX: u32 = 32;
 
-/// Most substeps of one submission: its read-back then costs a hundredth of it.
+/// Largest number of substeps of one submission: its read-back then takes a hundredth of its time.
 const BATCH_SUBSTEPS_MAX: u32 = 256;
 
-/// Blocks around those of particles that they may travel in a batch.
+/// Margin of the grid's region around the particles' blocks, in blocks: the distance they may travel in a
+/// batch.
 const MARGIN_BLOCKS: i32 = 4;
 
-/// Times the nominal mass that a node may have.
+/// Largest mass of a node over the nominal mass.
 const HEADROOM: u32 = 8;
 
-/// Particles on a GPU and the grid on which they meet: the laws and constants of [`Simulation`],
-/// the same bits at every run on one GPU, and any number of substeps without a word from the CPU.
-/// It never sleeps.
+/// Simulation on a GPU with the model and constants of [`Simulation`]. Runs on one GPU give the same bits,
+/// and up to 256 substeps run without the CPU. Particles never sleep.
 pub struct GpuSimulation {
     gpu: Gpu,
-    /// Settings and materials; its particles are as they were at the start.
+    /// The initial simulation, for its settings and materials; its particles are those of the start.
     start: Simulation,
     features: Features,
     kernels: Kernels,
     buffers: Buffers,
     grid: Option<Grid>,
-    /// Which of the two buffers has the particles.
+    /// Index of the particle buffer, 0 or 1, that holds the present state.
     turn: usize,
-    /// Ids by the particles' indices.
+    /// Ids by the particles' GPU indices.
     ids: Vec<u32>,
     chunks: u32,
     control: Control,
-    /// Least and greatest block with particles at the last ordering.
+    /// Least and greatest coordinates of blocks with particles at the last sorting.
     bounds: [IVec3; 2],
-    /// Quanta of mass in a kilogram.
+    /// Fixed-point quanta of mass in a kilogram.
     mass_scale: f32,
 }
 
 impl GpuSimulation {
-    /// A simulation that goes on where another one is.
+    /// A simulation that continues from the state of another.
     ///
     /// # Errors
     ///
-    /// If there are no particles, more particles, materials or cells than the device takes, or the
-    /// device fails.
+    /// If there are no particles, if there are more particles, materials or cells than the device takes, or
+    /// if the device fails.
     pub fn new(gpu: &Gpu, start: Simulation) -> Result<Self> {
         let materials = start.materials();
         check_range("number of particles", start.len() as f64, 1.0, f64::MAX)?;
@@ -77,7 +77,8 @@ impl GpuSimulation {
         let kernels = Kernels::compile(gpu, &features)?;
         let buffers = Buffers::new(gpu, &copy, &rows, &features)?;
         let (speed, sound) = start.speeds();
-        // Sums hold 16 times the nominal mass, half of them before they count as too small.
+        // An i32 holds 16 times the nominal mass; half of it is the bound for faults, so that sums do not
+        // wrap before they are checked.
         let scale = f64::from(1_u32 << 31) / (2.0 * f64::from(HEADROOM) * nominal_mass_kg(&start));
         let mut simulation = Self {
             gpu: gpu.clone(),
@@ -94,7 +95,7 @@ impl GpuSimulation {
                 ..Control::default()
             },
             bounds: bounds(&copy.chunks),
-            // A power of two, by which nothing is rounded.
+            // A power of two, so that scaling is exact.
             mass_scale: scale.log2().floor().exp2() as f32,
             start,
         };
@@ -106,8 +107,8 @@ impl GpuSimulation {
     ///
     /// # Errors
     ///
-    /// If the time or a body is out of range or not finite, or there are too many bodies, nothing
-    /// was done. Otherwise the simulation is of no more use.
+    /// If the time or a body is out of range or not finite, or there are too many bodies; nothing has changed
+    /// then. After any other error the simulation cannot be continued.
     pub fn step(&mut self, duration_secs: f64, bodies: &mut Bodies) -> Result<StepReport> {
         check_range("duration of a step in s", duration_secs, 0.0, 3600.0)?;
         bodies.validate()?;
@@ -121,7 +122,7 @@ impl GpuSimulation {
         bodies.clear_impulses();
         let mut report = StepReport::default();
         let mut left_secs = duration_secs;
-        // Less than the device's numbers hold is nothing.
+        // The device counts time in f32; a remainder that rounds to 0 there is dropped.
         while left_secs as f32 > 0.0 {
             let longest_secs = self.substep_secs_max(bodies);
             let count = (left_secs / longest_secs).ceil().max(1.0);
@@ -129,6 +130,7 @@ impl GpuSimulation {
             self.start
                 .check_substeps(duration_secs, longest_secs, substeps)?;
             let rows = self.run_batch(left_secs, count, bodies)?;
+            // The device subtracted from the rounded time, so the difference is taken from that.
             let before = f64::from(left_secs as f32);
             let spent_secs = if self.control.left > 0.0 {
                 before - f64::from(self.control.left)
@@ -144,7 +146,7 @@ impl GpuSimulation {
         Ok(report)
     }
 
-    /// Runs up to a number of substeps, and returns the balls after them.
+    /// Runs a batch of about `count` substeps, or as many as fit, and returns the balls after it.
     fn run_batch(&mut self, left_secs: f64, count: f64, bodies: &Bodies) -> Result<Vec<BallRow>> {
         let origin = self.fit()?;
         let batch = self.plan(left_secs, count, origin);
@@ -206,7 +208,7 @@ impl GpuSimulation {
         self.take_note(&bytes, bodies.balls.len())
     }
 
-    /// Takes note of what a batch read back.
+    /// Updates the state from the bytes that a batch read back, and returns its balls.
     fn take_note(&mut self, bytes: &[u8], balls: usize) -> Result<Vec<BallRow>> {
         debug_assert_eq!(bytes.len() as u64, READBACK_BYTES);
         let (control, rest) = bytes.split_at(size_of::<Control>());
@@ -232,9 +234,10 @@ impl GpuSimulation {
         Ok(rows.map(bytemuck::pod_read_unaligned).collect())
     }
 
-    /// The region's first and last block; its grid's buffers are made if need be.
+    /// The coordinates of the first and last block of the grid's region around all particles. Allocates
+    /// larger grid buffers if necessary.
     fn fit(&mut self) -> Result<[IVec3; 2]> {
-        // A block for the drift since the last ordering, the margin, and one for nodes around.
+        // One block for the drift since the last sorting, the margin, and one for the nodes of kernels.
         let around = IVec3::splat(MARGIN_BLOCKS + 2);
         let region = [self.bounds[0] - around, self.bounds[1] + around];
         let size = (region[1] - region[0] + 1).as_dvec3();
@@ -249,7 +252,7 @@ impl GpuSimulation {
         let blocks = wanted as usize;
         if self.grid.as_ref().is_none_or(|grid| grid.blocks() < blocks) {
             let roomy = (blocks + blocks / 2).min(max);
-            // The old one first, so that there is memory for the new one.
+            // Frees the old buffers before the new ones are allocated.
             self.grid = None;
             let grid = Grid::new(
                 &self.gpu,
@@ -263,13 +266,13 @@ impl GpuSimulation {
         Ok(region)
     }
 
-    /// As many substeps between orderings as the speed lets be.
+    /// Plans a batch with as many substeps between sortings as the particles' speed allows.
     fn plan(&self, left_secs: f64, count: f64, region: [IVec3; 2]) -> Batch {
-        // One more, for sound that became faster.
+        // One more, as substeps become shorter if the speed of sound rises.
         let count = (count + 1.0).min(BATCH_SUBSTEPS_MAX.into()) as u32;
         let cell_size_m = f64::from(self.start.settings().cell_size_m);
         let travel = f64::from(self.control.speed) * (left_secs / f64::from(count)) / cell_size_m;
-        // A fifth is left for particles that become faster before the next ordering.
+        // A fifth of the drift is reserved for particles that accelerate before the next sorting.
         let group = (0.8 * f64::from(DRIFT_MAX) / travel.max(1e-9)).floor();
         let group = (group.min(GROUP_MAX.into()) as u32).clamp(1, count);
         Batch {
@@ -279,7 +282,7 @@ impl GpuSimulation {
         }
     }
 
-    /// The longest stable substep, in s, as kernels find it.
+    /// The longest stable substep, in s, by the same rule as `control.wgsl`.
     fn substep_secs_max(&self, bodies: &Bodies) -> f64 {
         let settings = self.start.settings();
         let cell_size_m = f64::from(settings.cell_size_m);
@@ -289,17 +292,17 @@ impl GpuSimulation {
         by_sound.min(TRAVEL_CELLS_MAX * cell_size_m / fastest)
     }
 
-    /// How many particles there are.
+    /// Number of particles.
     pub fn len(&self) -> usize {
         self.start.len()
     }
 
-    /// Never: there is at least one particle.
+    /// Whether there are no particles: always false.
     pub fn is_empty(&self) -> bool {
         self.start.is_empty()
     }
 
-    /// Every particle as it is now, in the order of ids.
+    /// The present state of every particle, in the order of ids.
     ///
     /// # Errors
     ///
@@ -310,7 +313,7 @@ impl GpuSimulation {
         Ok(particles)
     }
 
-    /// A simulation on the CPU that goes on where this one is.
+    /// A simulation on the CPU that continues from the present state.
     ///
     /// # Errors
     ///
@@ -333,7 +336,7 @@ impl GpuSimulation {
         Ok(copy.into_storage(cell_size_m, self.start.materials()))
     }
 
-    /// The first bytes of a buffer.
+    /// Reads back the first `size` bytes of a buffer.
     fn read(&self, buffer: &wgpu::Buffer, size: u64) -> Result<Vec<u8>> {
         let (commands, readback) = self.gpu.guarded(|device| {
             let readback = device.create_buffer(&wgpu::BufferDescriptor {
@@ -351,7 +354,7 @@ impl GpuSimulation {
     }
 }
 
-/// Least and greatest block.
+/// Least and greatest coordinates of the chunks' blocks, along each axis.
 fn bounds(chunks: &[Chunk]) -> [IVec3; 2] {
     let blocks = || chunks.iter().map(|chunk| IVec3::from(chunk.block));
     [
@@ -360,7 +363,8 @@ fn bounds(chunks: &[Chunk]) -> [IVec3; 2] {
     ]
 }
 
-/// The greatest of a cell full of the densest material and what is in the fullest cell, in kg.
+/// Nominal mass of a node in kg: the greater of that of a cell full of the densest material and that in the
+/// fullest cell.
 fn nominal_mass_kg(simulation: &Simulation) -> f64 {
     let cell_m3 = f64::from(simulation.settings().cell_size_m).powi(3);
     let densities = simulation

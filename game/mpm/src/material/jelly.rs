@@ -1,4 +1,4 @@
-//! Elastic jelly: the fixed corotated model.
+//! Elastic jelly by the fixed corotated model.
 
 use fearless_simd::prelude::*;
 
@@ -7,19 +7,20 @@ use crate::error::{Result, check_range};
 use crate::lanes::{Lanes, Mat3x};
 use crate::svd::Stretches;
 
-/// An elastic solid that returns to its shape: fixed corotated elasticity (Stomakhin et al. 2012),
-/// whose stress is finite for elements that are flat or inverted, with Kelvin–Voigt viscosity.
+/// An elastic solid: fixed corotated elasticity (Stomakhin et al. 2012), whose stress is finite for
+/// flat and inverted elements, with Kelvin–Voigt viscosity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jelly {
-    /// At rest, in kg/m³; default 1,000.
+    /// Density at rest, in kg/m³; default 1,000.
     pub density_kg_m3: f32,
-    /// Young's modulus, in Pa; default 1e5. Substeps shorten with its root.
+    /// Young's modulus, in Pa; default 1e5. Substeps are inversely proportional to its square root.
     pub young_pa: f32,
     /// Poisson's ratio, 0 to 0.49; default 0.3. Near the upper end substeps become short.
     pub poisson: f32,
-    /// Viscosity that damps vibrations, in Pa·s; default 0: only the transfers damp.
+    /// Viscosity, which damps vibrations, in Pa·s; default 0, with the numerical damping of the transfers
+    /// only.
     pub viscosity_pa_s: f32,
-    /// Of Coulomb, on balls and obstacles; default 0.5.
+    /// Coefficient of Coulomb friction on balls and obstacles; default 0.5.
     pub friction: f32,
 }
 
@@ -63,11 +64,14 @@ impl Jelly {
             self.viscosity_pa_s / strain.dt,
         );
         let [a, b, c] = parts.sigma;
+        // The wave speed along principal axis i is √((2μ σᵢ² + λ J²)/ρ₀): at most max(σᵢ, J) times that at
+        // rest.
         (stress, a.max(b).max(c).max(a * b * c).max(1.0))
     }
 }
 
-/// Adds `2 η D`, D the symmetric part of the velocity's gradient, given times the substep.
+/// Adds the viscous stress `2 η D` with D the symmetric part of the velocity gradient, which is given times
+/// the substep, as the viscosity is given over it.
 #[inline(always)]
 pub(super) fn add_viscosity<S: Simd>(
     stress: &mut Stress<S>,

@@ -1,4 +1,4 @@
-//! Materials: constitutive models, one a file, and what they have in common.
+//! Materials: constitutive models, one in each file, and their common parts.
 
 mod jelly;
 mod sand;
@@ -21,29 +21,29 @@ pub(crate) use {
 use crate::error::{Result, check_range};
 use crate::lanes::{Lanes, Mat3x, dot, each};
 
-/// A material of particles.
+/// Material of particles, with its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Material {
     /// An elastic solid.
     Jelly(Jelly),
     /// A weakly compressible liquid.
     Water(Water),
-    /// Dry grains.
+    /// A dry granular material.
     Sand(Sand),
-    /// Snow that packs and breaks.
+    /// Snow that hardens under compression and breaks.
     Snow(Snow),
 }
 
-/// Changes of a packet of particles over a substep: in, its deformation; out, its stress.
+/// Deformation of a packet of particles over a substep, the input of a constitutive model.
 pub(crate) struct Strain<S: Simd> {
-    /// Elastic part of the deformation gradient up to a rotation from the right, which isotropic
-    /// stress does not know; before the substep and then after it.
+    /// Elastic part of the deformation gradient up to a rotation from the right, on which isotropic stress
+    /// does not depend; before the substep, then after it.
     pub(crate) deformation: Mat3x<S>,
-    /// The material's own variable of state: see each model.
+    /// State variable of the model; see each.
     pub(crate) state: Lanes<S>,
-    /// Gradient of velocity times the substep.
+    /// Velocity gradient times the substep.
     pub(crate) increment: Mat3x<S>,
-    /// The substep, in s.
+    /// Duration of the substep, in s.
     pub(crate) dt: f32,
 }
 
@@ -61,7 +61,7 @@ impl Material {
         }
     }
 
-    /// Speed of sound at rest, in m/s: the longest stable substep is a cell over it.
+    /// Speed of sound at rest, in m/s, which bounds the substep: a cell over it at a Courant number of 1.
     pub fn sound_speed_m_s(&self) -> f32 {
         match self {
             Self::Jelly(jelly) => sound_speed(jelly.lame(), jelly.density_kg_m3),
@@ -71,7 +71,7 @@ impl Material {
         }
     }
 
-    /// Coefficient of Coulomb friction on balls and obstacles; 0 slips.
+    /// Coefficient of Coulomb friction on balls and obstacles; 0 is frictionless.
     pub fn friction(&self) -> f32 {
         match self {
             Self::Jelly(jelly) => jelly.friction,
@@ -92,7 +92,7 @@ impl Material {
         }
     }
 
-    /// The state variable of a particle at rest.
+    /// State variable of an undeformed particle.
     pub(crate) fn state_at_rest(&self) -> f32 {
         match self {
             Self::Jelly(_) | Self::Sand(_) => 0.0,
@@ -100,7 +100,7 @@ impl Material {
         }
     }
 
-    /// Advances the strain of a packet and gives its stress and its speed of sound over that at
+    /// Advances the deformation of a packet, and returns its stress and its speed of sound over that at
     /// rest, 1 or more.
     #[inline(always)]
     pub(crate) fn advance<S: Simd>(
@@ -118,7 +118,7 @@ impl Material {
 }
 
 impl<S: Simd> Strain<S> {
-    /// `(I + dt ∇v) F`: the trial deformation of the substep.
+    /// Trial deformation of the substep, `(I + dt ∇v) F`.
     #[inline(always)]
     fn trial(&self) -> Mat3x<S> {
         let moved = self.increment.mul(&self.deformation);
@@ -129,7 +129,7 @@ impl<S: Simd> Strain<S> {
     }
 }
 
-/// Lamé's parameters λ and μ in Pa.
+/// Lamé parameters λ and μ, in Pa.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Lame {
     pub(crate) lambda: f32,
@@ -137,7 +137,7 @@ pub(crate) struct Lame {
 }
 
 impl Lame {
-    /// Of Young's modulus in Pa and Poisson's ratio.
+    /// Converts Young's modulus in Pa and Poisson's ratio.
     fn new(young_pa: f32, poisson: f32) -> Self {
         Self {
             lambda: young_pa * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)),
@@ -151,12 +151,12 @@ fn check_elasticity(young_pa: f32, poisson: f32) -> Result<()> {
     check_range("Poisson's ratio", poisson.into(), 0.0, 0.49)
 }
 
-/// Of a longitudinal wave, in m/s.
+/// Speed of longitudinal waves, in m/s.
 fn sound_speed(lame: Lame, density_kg_m3: f32) -> f32 {
     ((lame.lambda + 2.0 * lame.mu) / density_kg_m3).sqrt()
 }
 
-/// Stress of the fixed corotated model (Stomakhin et al. 2012, "Energetically consistent
+/// Kirchhoff stress of the fixed corotated model (Stomakhin et al. 2012, "Energetically consistent
 /// invertible elasticity"): `τ = 2μ (F − R) Fᵀ + λ (J − 1) J I`, in principal values
 /// `τᵢ = 2μ σᵢ (σᵢ − 1) + λ (J − 1) J` along the columns of U.
 #[inline(always)]
@@ -174,7 +174,7 @@ fn fixed_corotated<S: Simd>(
     principal_stress(u, values)
 }
 
-/// `U diag(values) Uᵀ`.
+/// Symmetric tensor `U diag(values) Uᵀ` of principal values along the columns of U.
 #[inline(always)]
 fn principal_stress<S: Simd>(u: &Mat3x<S>, values: [Lanes<S>; 3]) -> Stress<S> {
     let scaled = u.scale_columns(values);

@@ -1,4 +1,4 @@
-//! Dry sand: Drucker–Prager plasticity with correction of volume.
+//! Dry sand by Drucker–Prager plasticity with volume correction.
 
 use fearless_simd::prelude::*;
 
@@ -7,21 +7,21 @@ use crate::error::{Result, check_range};
 use crate::lanes::{Lanes, dot, each, exp, ln};
 use crate::svd::Stretches;
 
-/// Grains without cohesion: St. Venant–Kirchhoff elasticity of logarithmic strains with the
+/// Cohesionless granular material: St. Venant–Kirchhoff elasticity of logarithmic strains with the
 /// Drucker–Prager yield of Klár et al. 2016, "Drucker-Prager elastoplasticity for sand
 /// animation", and the volume correction of Tampubolon et al. 2017, "Multi-species simulation of
 /// porous sand and water mixtures", section 4.3.4.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sand {
-    /// In bulk at rest, in kg/m³; default 1,600.
+    /// Bulk density at rest, in kg/m³; default 1,600.
     pub density_kg_m3: f32,
-    /// Young's modulus, in Pa; default 5e5, softer than grains of quartz for longer substeps.
+    /// Young's modulus, in Pa; default 5e5, softer than quartz for longer substeps.
     pub young_pa: f32,
     /// Poisson's ratio, 0 to 0.49; default 0.3.
     pub poisson: f32,
-    /// Angle of internal friction, in degrees, 0 to 60; default 33: a heap's slope.
+    /// Angle of internal friction, the slope of a heap, in degrees, 0 to 60; default 33.
     pub friction_angle_deg: f32,
-    /// Of Coulomb, on balls and obstacles; default 0.5.
+    /// Coefficient of Coulomb friction on balls and obstacles; default 0.5.
     pub friction: f32,
 }
 
@@ -37,7 +37,7 @@ impl Default for Sand {
     }
 }
 
-/// Smallest principal stretch: its logarithm stays finite.
+/// Least principal stretch, which keeps logarithms finite.
 pub(crate) const STRETCH_MIN: f32 = 0.05;
 
 impl Sand {
@@ -51,20 +51,20 @@ impl Sand {
         Lame::new(self.young_pa, self.poisson)
     }
 
-    /// Slope α of the yield surface, which touches that of Mohr and Coulomb in plane strain without
-    /// change of volume, the state of sand that flows down a slope. Klár et al. fit triaxial
-    /// compression instead: slopes then stand at 50° for a friction angle of 33°.
+    /// Slope α of the yield surface. It touches that of Mohr and Coulomb in plane strain at constant
+    /// volume, the state of sand that flows down a slope. Klár et al. fit triaxial compression instead:
+    /// slopes then stand at 50° for a friction angle of 33°.
     fn yield_slope(&self) -> f32 {
         std::f32::consts::SQRT_2 / 3.0 * self.friction_angle_deg.to_radians().sin()
     }
 
-    /// Deviator of the logarithmic strains over their trace on the yield surface.
+    /// Norm of the deviator of the logarithmic strains over their negative trace on the yield surface.
     pub(crate) fn yield_factor(&self) -> f32 {
         let Lame { lambda, mu } = self.lame();
         (3.0 * lambda + 2.0 * mu) / (2.0 * mu) * self.yield_slope()
     }
 
-    /// State: the logarithm of volume gained in tension, to be lost again in compression.
+    /// The state is the logarithm of the volume gained in tension, which later compression must undo first.
     #[inline(always)]
     pub(super) fn advance<S: Simd>(
         &self,
@@ -93,7 +93,8 @@ impl Sand {
         (stress, Lanes::splat(simd, 1.0))
     }
 
-    /// Logarithmic strains back onto the yield surface: Klár et al., section 7.3.
+    /// Projects logarithmic strains, corrected by the volume gained, onto the yield surface: Klár et al.,
+    /// section 7.3.
     #[inline(always)]
     fn return_map<S: Simd>(
         &self,
@@ -113,7 +114,7 @@ impl Sand {
         let length = dot(deviator, deviator).sqrt();
         let excess = trace.mul_add(Lanes::splat(simd, self.yield_factor()), length);
         let is_elastic = excess.simd_le(0.0);
-        // The cone's tip: grains without cohesion carry no tension.
+        // Expansion is projected to the cone's tip: without cohesion there is no tension.
         let is_apart = trace.simd_ge(0.0);
         let ratio = excess / length.max(f32::MIN_POSITIVE);
         let zero = Lanes::splat(simd, 0.0);

@@ -1,4 +1,4 @@
-//! Snow: elasticity that hardens as it is packed and softens as it breaks.
+//! Snow by elastoplasticity that hardens under compression and softens as it breaks.
 
 use fearless_simd::prelude::*;
 
@@ -11,9 +11,9 @@ use crate::svd::Stretches;
 /// critical ones become plastic, and stiffness grows with `exp(ξ (1 − Jp))`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Snow {
-    /// Before it is packed, in kg/m³; default 400.
+    /// Density before compaction, in kg/m³; default 400.
     pub density_kg_m3: f32,
-    /// Young's modulus before it is packed, in Pa; default 1.4e5.
+    /// Young's modulus before compaction, in Pa; default 1.4e5.
     pub young_pa: f32,
     /// Poisson's ratio, 0 to 0.49; default 0.2.
     pub poisson: f32,
@@ -23,7 +23,7 @@ pub struct Snow {
     pub stretch_critical: f32,
     /// Hardening ξ, 0 to 20; default 10: brittle above, ductile below.
     pub hardening: f32,
-    /// Of Coulomb, on balls and obstacles; default 0.3.
+    /// Coefficient of Coulomb friction on balls and obstacles; default 0.3.
     pub friction: f32,
 }
 
@@ -41,7 +41,7 @@ impl Default for Snow {
     }
 }
 
-/// Bounds of the plastic volume Jp: stiffness stays within a factor e⁴ up at ξ = 10.
+/// Bounds of the plastic volume Jp: the lower one limits stiffening to a factor of e⁴ at ξ = 10.
 pub(crate) const PLASTIC_VOLUME: [f32; 2] = [0.6, 4.0];
 
 impl Snow {
@@ -66,7 +66,7 @@ impl Snow {
         [1.0 - self.compression_critical, 1.0 + self.stretch_critical]
     }
 
-    /// State: Jp, the determinant of the plastic part.
+    /// The state is Jp, the determinant of the plastic part of the deformation gradient.
     #[inline(always)]
     pub(super) fn advance<S: Simd>(
         &self,
@@ -80,14 +80,15 @@ impl Snow {
             |i| parts.sigma[i].max(low).min(high),
         );
         let product = |s: [Lanes<S>; 3]| s[0] * s[1] * s[2];
-        // What the elastic part loses the plastic one gains: the volume of both together stays.
+        // The total volume, elastic times plastic, is preserved: what the clamp removes from the elastic
+        // part goes into the plastic one.
         let plastic = strain.state * product(parts.sigma) / product(sigma);
         strain.state = plastic.max(PLASTIC_VOLUME[0]).min(PLASTIC_VOLUME[1]);
         strain.deformation = parts.u.scale_columns(sigma);
         let hardness = exp((Lanes::splat(simd, 1.0) - strain.state) * self.hardening);
         let Lame { lambda, mu } = self.lame();
         let stress = fixed_corotated(&parts.u, sigma, (hardness * lambda, hardness * mu));
-        // Sound is faster by the root of the stiffness.
+        // The speed of sound is proportional to the square root of the stiffness.
         (stress, hardness.sqrt().max(1.0))
     }
 }

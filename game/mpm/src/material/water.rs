@@ -1,4 +1,4 @@
-//! Weakly compressible water: Tait's equation of state.
+//! Weakly compressible water by Tait's equation of state.
 
 use fearless_simd::prelude::*;
 
@@ -11,14 +11,14 @@ use crate::lanes::Lanes;
 /// surface flows with SPH"), J the volume over that at rest. It carries no tension.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Water {
-    /// At rest, in kg/m³; default 1,000.
+    /// Density at rest, in kg/m³; default 1,000.
     pub density_kg_m3: f32,
     /// Numerical speed of sound, in m/s; default 20. Ten times the fastest flow keeps the density
-    /// within 1 %; substeps shorten in proportion.
+    /// within 1 %; substeps are inversely proportional to it.
     pub sound_speed_m_s: f32,
     /// Dynamic viscosity, in Pa·s; default 0.001.
     pub viscosity_pa_s: f32,
-    /// Of Coulomb, on balls and obstacles; default 0: it slips.
+    /// Coefficient of Coulomb friction on balls and obstacles; default 0, frictionless.
     pub friction: f32,
 }
 
@@ -33,11 +33,11 @@ impl Default for Water {
     }
 }
 
-/// Largest volume over that at rest: spray forgets how far it flew apart, so that it resists as
-/// soon as it is together again.
+/// Largest volume over that at rest. The bound limits the expansion that spray accumulates, so that it
+/// resists compression soon after it gathers again.
 pub(crate) const EXPANSION_MAX: f32 = 1.1;
 
-/// Smallest volume over that at rest, against overflow of its powers.
+/// Least volume over that at rest, which prevents overflow of its powers.
 pub(crate) const EXPANSION_MIN: f32 = 0.2;
 
 impl Water {
@@ -51,18 +51,20 @@ impl Water {
         check_range("viscosity in Pa·s", self.viscosity_pa_s.into(), 0.0, 1e6)
     }
 
-    /// `ρ₀c²/γ`.
+    /// Factor of the equation of state, `ρ₀c²/γ`, in Pa.
     pub(crate) fn stiffness_pa(&self) -> f32 {
         self.density_kg_m3 * self.sound_speed_m_s * self.sound_speed_m_s / 7.0
     }
 
-    /// State: J.
+    /// The state is J.
     #[inline(always)]
     pub(super) fn advance<S: Simd>(
         &self,
         simd: S,
         strain: &mut Strain<S>,
     ) -> (Stress<S>, Lanes<S>) {
+        // dJ/dt = J ∇·v; the deviatoric part of the deformation, which grows without bound in a flow, is
+        // not stored.
         let j = strain.state.mul_add(strain.increment.trace(), strain.state);
         let j = j.max(EXPANSION_MIN).min(EXPANSION_MAX);
         strain.state = j;
@@ -75,11 +77,11 @@ impl Water {
             &strain.increment,
             self.viscosity_pa_s / strain.dt,
         );
-        // dp/dρ grows with the sixth power of the density.
+        // c² = dp/dρ is proportional to J⁻⁶, so the speed of sound to J⁻³.
         (stress, cube.max(1.0))
     }
 
-    /// In Pa at some J, and J⁻³.
+    /// Pressure in Pa, without tension, and J⁻³.
     #[inline(always)]
     fn pressure<S: Simd>(&self, j: Lanes<S>) -> (Lanes<S>, Lanes<S>) {
         let one = Lanes::splat(j.simd, 1.0);

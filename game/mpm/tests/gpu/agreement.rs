@@ -57,7 +57,7 @@ fn compare(material: Material, duration_secs: f64) -> Option<((f64, f64), [u32; 
     Some((distances, [on_cpu.substeps, on_gpu.substeps]))
 }
 
-/// Over an impact, 100 to 200 substeps. Cells are 10 mm, speeds up to 3 m/s.
+/// Agreement over an impact, 100 to 200 substeps, with cells of 10 mm and speeds up to 3 m/s.
 #[test]
 fn places_and_velocities_agree_with_the_cpu() {
     for material in materials() {
@@ -77,8 +77,8 @@ fn places_and_velocities_agree_with_the_cpu() {
     }
 }
 
-/// Jelly on sand on snow. One friction is a little other than the rest, so that nodes have means: on the CPU those
-/// are of blocks.
+/// Agreement for jelly on sand on snow. One coefficient of friction differs slightly, so that the GPU
+/// computes means per node; the CPU computes them per block.
 #[test]
 fn mixed_materials_agree_with_the_cpu() {
     let Some(gpu) = gpu() else { return };
@@ -114,7 +114,7 @@ fn mixed_materials_agree_with_the_cpu() {
     assert!(velocity_m_s < 5e-3, "{velocity_m_s:e} m/s apart");
 }
 
-/// A ball at 3 m/s through a strip of sand on slate, and a light one that falls onto it.
+/// Agreement for a ball at 3 m/s through a strip of sand on slate, and a light one that falls onto it.
 #[test]
 fn balls_get_the_impulses_of_the_cpu() {
     let Some(gpu) = gpu() else { return };

@@ -1,4 +1,4 @@
-//! Refusals, in a sentence each.
+//! Errors for requests beyond the limits.
 
 use carom_mpm::{Ball, Bodies, Error, GPU_BALLS_MAX, GpuSimulation, Material, Simulation, Water};
 use glam::{DVec3, Vec3};

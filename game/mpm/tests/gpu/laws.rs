@@ -1,4 +1,4 @@
-//! Conservation, and bits that are the same every time.
+//! Conservation laws, and reproducibility of bits.
 
 use carom_mpm::{
     Ball, Bodies, GpuSimulation, Jelly, Material, Obstacle, Region, Simulation, Totals,
@@ -138,7 +138,7 @@ fn falling_particles_need_no_fixed_region() {
         step_gpu(&mut simulation, 0.05, &mut Bodies::default());
     }
     let center = center(&simulation.download().expect("read back"));
-    // The first order of the scheme: half a substep of the fall's speed.
+    // The error of the first-order scheme: half a substep times the speed of the fall.
     assert!(
         center.distance(exact) < 9.81 * 5e-4,
         "{center}, not {exact}"

@@ -45,7 +45,7 @@ fn settings(gravity: Vec3) -> Settings {
     }
 }
 
-/// The same simulation on a GPU.
+/// Continues a simulation on the GPU.
 fn on_gpu(gpu: &Gpu, simulation: &Simulation) -> GpuSimulation {
     GpuSimulation::new(gpu, simulation.clone()).expect("within the device's limits")
 }

@@ -55,8 +55,8 @@ fn momentum_of_particles_and_balls_is_kept() {
     }
 }
 
-/// Draughts in radii of a ball of half the density of water, over half a second after another, that is let go with its
-/// middle at a height over the level in radii.
+/// Draughts, in radii, of a ball of half the density of water that is released with its centre at a height
+/// above the water level in radii: five samples over half a second, after 1.6 s.
 fn draughts(cell: f32, [side, depth]: [f64; 2], height: f64) -> [f64; 5] {
     let water = Water {
         viscosity_pa_s: 1.0,
@@ -84,8 +84,8 @@ fn draughts(cell: f32, [side, depth]: [f64; 2], height: f64) -> [f64; 5] {
     })
 }
 
-/// It is half under the level of water and ball together, by the mean over a bobbing, from wherever it comes, in cells of
-/// a fifth and of a third of its radius.
+/// On average over its oscillation, the ball is half below the common level of water and ball, whatever its
+/// initial height, in cells of a fifth and of a third of its radius.
 #[test]
 fn light_ball_floats_at_the_depth_of_archimedes() {
     for (cell, size, height) in [
@@ -100,7 +100,7 @@ fn light_ball_floats_at_the_depth_of_archimedes() {
     }
 }
 
-/// Gaps between balls that lie on materials of a depth and the nearest eight particles of what is under them, in m.
+/// Gaps between balls that rest on a material of a depth and the nearest eight particles below them, in m.
 fn gaps_at_rest(material: Material, depth: f64, cell: f64) -> Vec<f64> {
     let side = 0.12;
     let max = DVec3::new(side, side, depth).as_vec3();
@@ -178,7 +178,7 @@ fn lost_in_sand(depth: f32) -> (f64, f64) {
         let before = bodies.balls[0];
         step(&mut simulation, 0.001, &mut bodies);
         let ball = &mut bodies.balls[0];
-        // Only along its way may it move: the slate carries it.
+        // The ball may move along its direction only: the slate carries it.
         ball.velocity.y = 0.0;
         ball.velocity.z = 0.0;
         ball.position.z = RADIUS;

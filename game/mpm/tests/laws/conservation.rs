@@ -85,7 +85,7 @@ fn free_fall_is_a_parabola() {
         step(&mut simulation, 0.01, &mut Bodies::default());
     }
     let exact = start + velocity.as_dvec3() + fall / 2.0;
-    // The first order of the scheme: half a substep of the fall's speed.
+    // The error of the first-order scheme: half a substep times the speed of the fall.
     assert!(center(&simulation).distance(exact) < 9.81 * 5e-4, "{exact}");
 }
 

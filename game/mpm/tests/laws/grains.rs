@@ -8,7 +8,7 @@ use crate::{heavy, step};
 const CELL: f32 = 0.005;
 const BASE: f32 = 40.0 * CELL;
 
-/// Half a heap of some slope beside a smooth wall, on ground to which it clings, two cells deep.
+/// Half a heap of some slope beside a smooth wall, on bonded ground, two cells deep.
 fn heap(sand: Sand, slope_deg: f32) -> (Simulation, Bodies) {
     let mut simulation = Simulation::new(heavy(CELL)).expect("valid");
     let slope = slope_deg.to_radians().tan();
@@ -57,7 +57,7 @@ fn slope_deg(simulation: &Simulation) -> f64 {
     (-covariance / variance).atan().to_degrees()
 }
 
-/// Slope of a heap, and how far its grains have moved by the mean, in cells, after 0.4 s.
+/// Slope of a heap, and the mean displacement of its grains in cells, after 0.4 s.
 fn settled(sand: Sand, slope: f32) -> (f64, f32) {
     let (mut simulation, mut bodies) = heap(sand, slope);
     let places = |simulation: &Simulation| {

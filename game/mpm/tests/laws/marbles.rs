@@ -85,7 +85,7 @@ fn momentum_of_marbles_and_a_ball_is_kept() {
     assert!(after.1.distance(before.1) < 1e-9 * before.1.length());
 }
 
-/// A heap that was poured: layers that shrink upwards, a little out of line.
+/// A poured heap: layers that shrink upwards, slightly displaced.
 fn poured(marble: Marble) -> (Marbles, Bodies) {
     let mut heap = marbles(marble, 9.81);
     for layer in 0..6i32 {
@@ -102,7 +102,8 @@ fn poured(marble: Marble) -> (Marbles, Bodies) {
     (heap, slate())
 }
 
-/// The slope of a heap that has come to rest, in degrees: its height over the reach of what lies on others.
+/// The slope of a heap at rest, in degrees: its height over the horizontal extent of marbles that lie on
+/// others.
 fn slope_deg(marble: Marble) -> f64 {
     let (mut heap, mut bodies) = poured(marble);
     let mut secs = 0.0;

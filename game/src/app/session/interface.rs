@@ -1,4 +1,4 @@
-//! The session's interface over the picture: the cue and its aim, pages, sentences, statistics.
+//! The session's interface over the picture: aim, marks on balls, pages of modes, messages, statistics.
 
 use carom_billiards::physics::{BallBody, BallState};
 use carom_billiards::rules::RuleSet;
@@ -19,8 +19,8 @@ use crate::ui;
 use crate::ui::layout::{Layout, Panels};
 
 impl GameSession {
-    /// Draws the statistics, and what is marked on the table, with egui; the part of the window that is
-    /// left free.
+    /// Draws the statistics, the marks on the table and the mode's page with egui, and returns the layout
+    /// of the part of the window that is left free.
     pub fn draw(
         &mut self,
         ctx: &egui::Context,
@@ -44,7 +44,7 @@ impl GameSession {
         layout
     }
 
-    /// Draws the page of a mode other than the game, and does what it commands.
+    /// Draws the page of a mode other than the game, and executes its command.
     fn draw_mode(
         &mut self,
         painter: &Painter,
@@ -83,14 +83,14 @@ impl GameSession {
                 modes.command_practice(command, game, now_secs)
             }
         };
-        // Its outcome is drawn with the next frame.
+        // The result of the command is drawn in the next frame.
         ctx.request_repaint();
         if let Some(Err(why)) = laid.map(|laid| self.play_from(laid)) {
             self.modes.notify(why.to_string());
         }
     }
 
-    /// The window, in points.
+    /// The window's rectangle, in points.
     fn screen(&self) -> Rect {
         let film = self.game.framing().film;
         let size = egui::vec2(film.x as f32, film.y as f32);
@@ -122,7 +122,7 @@ impl GameSession {
         }
     }
 
-    /// Marks a cue ball that is carried, and where not all balls may be hit first those that may.
+    /// Marks a carried cue ball; otherwise the legal balls, if not all balls may be hit first.
     fn mark_balls(&mut self, overlay: &ui::aim::AimOverlay<'_>) {
         if let Some(ball_in_hand) = self.game.ball_in_hand() {
             let area = self.game.contest().ball_in_hand_area();
@@ -141,8 +141,8 @@ impl GameSession {
         }
     }
 
-    /// What is to be known as long as it lasts: why there are no pictures, why the cue ball may not lie
-    /// where it is held, how far a screenshot is.
+    /// Messages that are shown as long as their reason lasts: why there are no pictures, why the cue ball
+    /// may not be placed where it is held, the progress of a screenshot.
     pub fn standing_notices(&self) -> Vec<String> {
         let farm = match self.pipeline.farm() {
             FarmState::Failed(why) => Some(text!("farm-failed", why = why.as_str())),

@@ -1,4 +1,4 @@
-//! Practice beside a match: a free table with the balls of a layout, while the match waits.
+//! Practice during a match: a free table with the balls of a layout, while the match is suspended.
 
 use carom_billiards::game_match::Match;
 use carom_billiards::rules::RuleSet;
@@ -9,25 +9,26 @@ use crate::input::MatchIntent;
 use crate::play::practice::PracticeLayout;
 use crate::play::{Game, free_table};
 
-/// A match that waits while its player practises.
+/// A match that is suspended while its player practises.
 pub(super) struct InterruptedMatch {
     game: Box<Game>,
-    /// What is practised.
+    /// The practised layout.
     layout: PracticeLayout,
 }
 
 impl InterruptedMatch {
-    /// The match that waits, or the one that is played.
+    /// The suspended match, or the one that is played.
     pub(super) fn contest<'a>(waiting: Option<&'a Self>, played: &'a Game) -> &'a Match {
         waiting.map_or(played, |waiting| &waiting.game).contest()
     }
 }
 
 impl GameSession {
-    /// Plays on from a layout: on the free table, or on one beside the match, in the same room.
+    /// Continues play from a layout: on the present free table, or on a new one in the same room while the
+    /// match is suspended.
     ///
     /// # Errors
-    /// A sentence if the balls cannot lie like this; all stays as it was.
+    /// If the balls cannot be placed like this; nothing has changed then.
     pub(super) fn play_from(&mut self, layout: PracticeLayout) -> carom_billiards::Result<()> {
         if self.game.contest().referee().rules() == RuleSet::Free {
             self.game.lay(&layout)?;
@@ -50,12 +51,12 @@ impl GameSession {
         Ok(())
     }
 
-    /// Whether a match waits until practice is over.
+    /// Whether a match is suspended.
     pub fn has_interrupted_match(&self) -> bool {
         self.interrupted.is_some()
     }
 
-    /// Goes back to the match that waits, if there is one.
+    /// Resumes the suspended match, if there is one.
     pub fn resume_match(&mut self) {
         if let Some(mut waiting) = self.interrupted.take() {
             waiting.game.inherit_options(&self.game);
@@ -64,7 +65,8 @@ impl GameSession {
         }
     }
 
-    /// Lays the balls that are practised beside a match again, if the intent is to rack them; false if not.
+    /// Restores the practised layout if the intent is to rack the balls during practice; returns whether it
+    /// was handled.
     pub(super) fn lays_again(&mut self, intent: MatchIntent) -> bool {
         let Some(waiting) = &self.interrupted else {
             return false;

@@ -1,4 +1,4 @@
-//! The session: a game, its mode and its frames, without a window.
+//! Session: a game with its mode and frame pipeline, independent of the window.
 
 mod interface;
 mod match_practice;
@@ -36,7 +36,7 @@ use crate::scene::table_style::TableStyle;
 use crate::settings::Settings;
 use crate::ui::match_hud::MatchHud;
 
-/// A game in progress. Times are seconds since the program began.
+/// A game in progress. Times are seconds since the program started.
 pub struct GameSession {
     game: Game,
     modes: ModeController,
@@ -45,25 +45,25 @@ pub struct GameSession {
     pipeline: FramePipeline,
     screenshot: CaptureSlot,
     film: CaptureSlot,
-    /// How far screenshot and film were when the window was drawn.
+    /// Progress of screenshot and film at the last request of frames.
     capture_percents: [Option<u32>; 2],
     autosave: Autosave,
-    /// The match that waits while the player practises beside it.
+    /// The match that is suspended while the player practises.
     interrupted: Option<InterruptedMatch>,
     recorder: Option<ShotRecorder>,
     stats: Stats,
     balancing: Balancing,
     distribution: Distribution,
-    /// The player's choice in the statistics; the settings follow.
+    /// Quality chosen by the player in the statistics, to be taken over to the settings.
     requested_quality: Option<QualityPreference>,
-    /// The window.
+    /// Size of the window in pixels.
     pixels: ImageSize,
     last_advance_secs: f64,
-    /// Whether a table was being laid when the simulation was last advanced.
+    /// Whether a practice table was arranged when the simulation was last advanced.
     was_practising: bool,
-    /// Whether that is why it is seen from above.
+    /// Whether the view from above was chosen because of practice.
     is_raised_for_practice: bool,
-    /// Since when play stands still, and how long it has before.
+    /// Start of the present pause, if play is paused, and the total duration of earlier pauses.
     paused_secs: Option<f64>,
     lost_secs: f64,
     draw_secs: f64,
@@ -74,10 +74,10 @@ pub struct GameSession {
 }
 
 impl GameSession {
-    /// Goes on with a match, on a table of `style`; the frames come from the farm of `config`.
+    /// A session of a match on a table of `style`, with frames from the farm of `config`.
     ///
     /// # Errors
-    /// A sentence if the room cannot be traced.
+    /// If the scene is invalid or a thread cannot be started.
     pub fn new(config: FarmConfig, contest: Match, style: TableStyle) -> anyhow::Result<Self> {
         let table_scene = TableScene::of(&contest, style);
         Ok(Self {
@@ -115,7 +115,7 @@ impl GameSession {
         self.recorder = Some(recorder);
     }
 
-    /// Stops the time of play, of replays and of computer players, or lets it go on; the farm works on.
+    /// Pauses or resumes the time of play, replays and computer players; the farm keeps working.
     pub fn set_paused(&mut self, is_paused: bool, now_secs: f64) {
         if is_paused == self.paused_secs.is_some() {
             return;
@@ -127,28 +127,28 @@ impl GameSession {
         self.is_dirty = true;
     }
 
-    /// The time of play: it stands while the game is paused.
+    /// Play time, which does not advance while the game is paused.
     fn play_secs(&self, now_secs: f64) -> f64 {
         self.paused_secs.unwrap_or(now_secs) - self.lost_secs
     }
 
-    /// Shows a recording.
+    /// Opens a replay of a recording.
     pub fn view(&mut self, recording: Recording) {
         self.modes
             .view(recording, &self.game, self.last_advance_secs);
     }
 
-    /// New sentences for the player.
+    /// Takes the messages for the player since the last call.
     pub fn take_notifications(&mut self) -> Vec<String> {
         self.modes.take_notifications()
     }
 
-    /// The answer to what the player did last, once.
+    /// Takes the response to the player's last action.
     pub fn take_notice(&mut self) -> Option<String> {
         self.game.take_notice()
     }
 
-    /// Saves the match in this file from now on, whenever something was done.
+    /// Enables saving of the match to this file after every action.
     pub fn autosave_to(&mut self, path: PathBuf) {
         self.autosave.begin(path, self.game.contest());
     }
@@ -162,7 +162,7 @@ impl GameSession {
         }
     }
 
-    /// Follows the window's size.
+    /// Sets the window's size.
     pub fn resize(&mut self, pixels: ImageSize) {
         self.pipeline.scheduler_mut().resize(pixels);
         self.pixels = pixels;
@@ -176,7 +176,7 @@ impl GameSession {
         }
     }
 
-    /// Goes on with the stroke.
+    /// Applies a step of a stroke.
     pub fn stroke(&mut self, intent: StrokeIntent, now_secs: f64) {
         if self.is_game() {
             let delay_secs = self.pipeline.scheduler().stroke_delay_secs();
@@ -186,17 +186,17 @@ impl GameSession {
         }
     }
 
-    /// Turns the camera of what is on show.
+    /// Applies a command to the camera of the present mode.
     pub fn look(&mut self, intent: CameraIntent, now_secs: f64) {
         let now_secs = self.play_secs(now_secs);
         match self.modes.mode_mut() {
             Mode::Replay(player) => player.look(intent, &self.game, now_secs),
-            // The game's camera looks at a table that is being arranged.
+            // A practice table is seen through the game's camera.
             Mode::Game | Mode::Practice(_) => self.game.look(intent, now_secs),
         }
     }
 
-    /// Decides something of the match.
+    /// Applies a decision in the match.
     pub fn decide(&mut self, intent: MatchIntent, now_secs: f64) {
         if self.is_game() && !self.lays_again(intent) {
             self.game.decide(intent, self.play_secs(now_secs));
@@ -215,7 +215,8 @@ impl GameSession {
         self.modes.toggle_practice(&self.game);
     }
 
-    /// Gives up what is begun or leaves what is open; false if there is nothing.
+    /// Leaves a replay or practice, or cancels what is in progress in the game; false if there is nothing
+    /// to cancel.
     pub fn escape(&mut self) -> bool {
         self.modes.close() || self.game.escape()
     }
@@ -251,7 +252,7 @@ impl GameSession {
         self.is_dirty = true;
     }
 
-    /// Films the shot of a replay as it is seen, or gives up the film that is being made.
+    /// Renders a film of a replay's shot in the present view, or cancels the one in progress.
     pub fn film_replay(&mut self) {
         self.is_dirty = true;
         if self.film.percent().is_some() {
@@ -289,8 +290,8 @@ impl GameSession {
         }
     }
 
-    /// Plays by these settings from now on, but for the table's look, see [`GameSession::set_style`]. The window's
-    /// picture has their resolution; screenshots keep the window's.
+    /// Applies settings, except for the table's look, see [`GameSession::set_style`]. The resolution
+    /// applies to the window's picture; screenshots have the window's size.
     pub fn apply(&mut self, settings: &Settings) {
         let scheduler = self.pipeline.scheduler_mut();
         scheduler.set_quality_preference(settings.quality);
@@ -304,17 +305,17 @@ impl GameSession {
         self.is_dirty = true;
     }
 
-    /// Plays on with balls of another material or another cloth.
+    /// Changes the look of the table, such as the balls' material and the cloth.
     ///
     /// # Errors
-    /// A sentence if the room cannot be traced with them.
+    /// If the scene is invalid.
     pub fn set_style(&mut self, style: TableStyle) -> anyhow::Result<()> {
         self.style = style;
         let contest = InterruptedMatch::contest(self.interrupted.as_ref(), &self.game);
         self.set_table_scene(TableScene::of(contest, style))
     }
 
-    /// Plays the match again, the other player breaking; `seed` draws the racks.
+    /// Begins a rematch, in which the other player breaks; `seed` determines the racks.
     ///
     /// # Errors
     /// Those of [`GameSession::begin`].
@@ -323,10 +324,10 @@ impl GameSession {
         self.begin(contest)
     }
 
-    /// Plays another match.
+    /// Begins another match.
     ///
     /// # Errors
-    /// A sentence if its room cannot be traced.
+    /// If its scene is invalid.
     pub fn begin(&mut self, contest: Match) -> anyhow::Result<()> {
         let table_scene = TableScene::of(&contest, self.style);
         let was = std::mem::replace(&mut self.game, Game::of(contest));
@@ -344,28 +345,28 @@ impl GameSession {
         Ok(())
     }
 
-    /// Requests no frames while the window cannot be seen; the game goes on.
+    /// Sets whether the window is hidden. No frames are requested then; the game goes on.
     pub fn set_hidden(&mut self, hidden: bool) {
         self.is_hidden = hidden;
         self.is_dirty = true;
     }
 
-    /// Draws again, as something outside the game has changed.
+    /// Requests a redraw after a change outside of the session.
     pub fn redraw(&mut self) {
         self.is_dirty = true;
     }
 
-    /// Notes how long the window needed for the last redraw.
+    /// Sets the duration of the last redraw, for the statistics.
     pub fn set_draw_secs(&mut self, draw_secs: f64) {
         self.draw_secs = draw_secs;
     }
 
-    /// The player's choice of quality in the statistics since the last call.
+    /// Takes the quality chosen by the player in the statistics since the last call.
     pub fn take_requested_quality(&mut self) -> Option<QualityPreference> {
         self.requested_quality.take()
     }
 
-    /// What is shown of the match.
+    /// State of the match for its panels.
     pub fn match_hud(&mut self) -> MatchHud {
         let may_play = self.game.may_play();
         let view = self.game.match_view();
@@ -387,18 +388,18 @@ impl GameSession {
         self.game.ball_in_hand().is_some()
     }
 
-    /// The cue, while there is one to show.
+    /// The cue, if it is visible.
     pub fn cue(&self, now_secs: f64) -> Option<CueView> {
         let cue = self.game.cue(self.play_secs(now_secs));
         cue.filter(|_| self.is_game())
     }
 
-    /// Status of each node of the farm; none while it starts, or if it could not.
+    /// Status of each node of the farm; empty while it starts or after it has failed.
     pub fn nodes(&self) -> Vec<NodeStatus> {
         self.pipeline.farm().nodes()
     }
 
-    /// The farm in a line.
+    /// Status of the farm in a line.
     pub fn farm_line(&self) -> String {
         match self.pipeline.farm() {
             FarmState::Failed(why) => text!("farm-failed", why = why.as_str()),
@@ -406,7 +407,7 @@ impl GameSession {
         }
     }
 
-    /// The shot that is on.
+    /// The shot on show.
     pub fn shot(&self) -> Option<&Shot> {
         match self.modes.mode() {
             Mode::Replay(player) => Some(player.shot()),
@@ -414,7 +415,7 @@ impl GameSession {
         }
     }
 
-    /// The clock of the shot that is on normal speed.
+    /// The clock of the shot on show, if it runs in real time.
     pub fn shot_clock(&self, now_secs: f64) -> Option<ShotClock> {
         let is_slow =
             matches!(self.modes.mode(), Mode::Replay(player) if player.clock().rate() != 1.0);
@@ -423,7 +424,7 @@ impl GameSession {
             .filter(|_| !is_slow)
     }
 
-    /// The camera of what is on show.
+    /// The present viewpoint.
     pub fn viewpoint(&self, now_secs: f64) -> Viewpoint {
         self.mode_view(ViewTime::Now(now_secs)).viewpoint
     }
@@ -434,17 +435,17 @@ impl GameSession {
             moment => moment,
         };
         let mut view = self.modes.mode().view(&self.game, time);
-        // No time of a shot passes that frames of the future could be of.
+        // While paused, there is no clock: no frames of future moments are requested.
         view.clock = view.clock.filter(|_| self.paused_secs.is_none());
         view
     }
 
-    /// Whether time alone changes what is seen.
+    /// Whether the view changes with time.
     fn is_moving(&self) -> bool {
         self.paused_secs.is_none() && self.modes.mode().is_moving(&self.game)
     }
 
-    /// Whether the game is on show, and nothing in its place.
+    /// Whether the game is on show rather than a replay or practice.
     pub fn is_game(&self) -> bool {
         matches!(self.modes.mode(), Mode::Game)
     }
@@ -459,17 +460,17 @@ impl GameSession {
         &self.game
     }
 
-    /// Whether the match that is on show is over.
+    /// Whether the game is on show and its match is over.
     pub fn is_over(&self) -> bool {
         self.is_game() && self.game.contest().at_table().is_none()
     }
 
-    /// How many shots were played since the program began.
+    /// Number of shots played since the program started.
     pub fn shots(&self) -> u64 {
         self.game.shots()
     }
 
-    /// Whether something has changed since the window was drawn.
+    /// Whether something has changed since the window was last drawn.
     pub fn needs_redraw(&self) -> bool {
         self.is_dirty || self.pipeline.has_new_frame()
     }
@@ -483,5 +484,5 @@ impl GameSession {
     }
 }
 
-/// Where recordings of the statistics go, in the folder that the game was begun in.
+/// Folder for recordings of the statistics, relative to the working directory.
 const STATS_FOLDER: &str = "carom-stats";

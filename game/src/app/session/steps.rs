@@ -1,4 +1,4 @@
-//! The session's part of a frame, one method for each step, in the order in which they are called.
+//! The session's steps of a frame, one method each, in the order of their calls.
 
 use carom_text::text;
 use carom_tracer::SceneUpdate;
@@ -13,7 +13,7 @@ use crate::frame::pipeline::FinishedFrame;
 use crate::frame::scheduler::ViewTarget;
 
 impl GameSession {
-    /// Moves the game on to `now_secs`.
+    /// Advances the game to `now_secs`.
     pub fn advance_simulation(&mut self, now_secs: f64) {
         if self.paused_secs.is_some() {
             return;
@@ -34,7 +34,8 @@ impl GameSession {
         self.autosave.update(contest);
     }
 
-    /// Shows a table that is being laid from above: behind the cue half of it is out of sight.
+    /// Switches to the view from above for practice and back afterwards: from behind the cue half of the
+    /// table is out of sight.
     fn raise_for_practice(&mut self, now_secs: f64) {
         let is_practising = matches!(self.modes.mode(), Mode::Practice(_));
         if is_practising == self.was_practising {
@@ -52,7 +53,7 @@ impl GameSession {
         }
     }
 
-    /// Keeps the shot that is played for the first time.
+    /// Records a new shot in the history and, with `--record`, to a file.
     pub(super) fn record_shot(&mut self) {
         let Some((number, shot)) = self.game.fresh_shot() else {
             return;
@@ -63,7 +64,7 @@ impl GameSession {
         }
     }
 
-    /// Takes in the frames that the farm has finished.
+    /// Processes the frames that the farm has finished.
     pub fn poll_farm(&mut self, now_secs: f64) {
         let is_shown = self.stats.is_shown();
         let stats = &mut self.stats;
@@ -81,17 +82,17 @@ impl GameSession {
         self.pipeline.poll_farm(record);
     }
 
-    /// Takes in the frames that have been accumulated.
+    /// Processes the frames that have been accumulated.
     pub fn accumulate(&mut self) {
         self.pipeline.accumulate();
     }
 
-    /// Chooses the frame for this moment.
+    /// Chooses the frame to show now.
     pub fn choose_frame(&mut self) {
         self.pipeline.choose();
     }
 
-    /// Moves the chosen frame to what is seen at `now_secs`.
+    /// Reprojects the chosen frame to the view at `now_secs`.
     pub fn reproject(&mut self, now_secs: f64) {
         let now = self.scene_at(ViewTime::Now(now_secs));
         self.pipeline.reproject(now_secs, &now);
@@ -131,11 +132,12 @@ impl GameSession {
         self.pipeline.request(now_secs, &target, &scene_at);
     }
 
-    /// The traced scene of what is on show.
+    /// The scene update of the present mode at a time.
     pub(super) fn scene_at(&self, time: ViewTime) -> SceneUpdate {
         self.mode_view(time).update(&self.table_scene)
     }
 }
 
-/// A pause, such as a window being dragged, is not made up for at once.
+/// Longest time step of the simulation in seconds: an interruption, as while the window is dragged, is not
+/// made up for.
 const ADVANCE_SECS_MAX: f64 = 0.1;

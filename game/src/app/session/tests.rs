@@ -111,7 +111,7 @@ fn a_match_waits_while_its_player_practises() {
         assert_eq!(session.game.world().balls(), laid.balls);
         assert_eq!(session.table_scene.scene().objects.len(), objects);
 
-        // What is played from there, it is laid again, and the match knows nothing of it.
+        // Racking during practice restores the layout and leaves the match unchanged.
         session.modes.close();
         session
             .game

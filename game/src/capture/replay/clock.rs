@@ -1,20 +1,20 @@
-//! The time of a replay: it runs at a rate, stands still, and is turned.
+//! Clock of a replay, which runs at a rate, pauses and seeks.
 
-/// The time of one shot on show. `now_secs` is the display's time; it never runs backwards.
+/// Clock of one shot on show. `now_secs` is the display's time, which is monotonic.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReplayClock {
-    /// The moment on show at `since_secs`.
+    /// Moment of the shot at the display time `since_secs`.
     moment_secs: f64,
     since_secs: f64,
     rate: f64,
     is_running: bool,
     end_secs: f64,
-    /// How often the way from the display's time to the moment has changed.
+    /// Number of changes of the mapping from display time to moments.
     turns: u64,
 }
 
 impl ReplayClock {
-    /// Runs from the start of a shot that lasts `end_secs`.
+    /// A clock that runs from the start of a shot of duration `end_secs`.
     pub fn new(end_secs: f64, now_secs: f64) -> Self {
         Self {
             moment_secs: 0.0,
@@ -26,7 +26,7 @@ impl ReplayClock {
         }
     }
 
-    /// The same clock at the start of another shot: the rate stays.
+    /// The clock at the start of another shot, at the same rate.
     #[must_use]
     pub fn restarted(self, end_secs: f64, now_secs: f64) -> Self {
         Self {
@@ -36,7 +36,7 @@ impl ReplayClock {
         }
     }
 
-    /// The moment on show, seconds since the stroke, up to the shot's end.
+    /// The moment on show, in seconds since the stroke, at most the shot's duration.
     pub fn moment_secs(&self, now_secs: f64) -> f64 {
         let since = if self.is_running {
             self.rate * (now_secs - self.since_secs)
@@ -46,28 +46,28 @@ impl ReplayClock {
         (self.moment_secs + since).clamp(0.0, self.end_secs)
     }
 
-    /// When the shot ends.
+    /// Duration of the shot, in seconds.
     pub fn end_secs(&self) -> f64 {
         self.end_secs
     }
 
-    /// Seconds of the shot in a second of the display.
+    /// Seconds of the shot per second of display time.
     pub fn rate(&self) -> f64 {
         self.rate
     }
 
-    /// Whether time passes.
+    /// Whether the clock runs rather than pauses.
     pub fn is_running(&self) -> bool {
         self.is_running
     }
 
-    /// How often time was turned, stopped or let go: pictures that were asked for before are of
+    /// Number of seeks, pauses and resumptions so far: frames requested before the last of them are of
     /// other moments.
     pub fn turns(&self) -> u64 {
         self.turns
     }
 
-    /// Stops at the end; to be called as time passes.
+    /// Pauses at the shot's end; to be called regularly.
     pub fn tick(&mut self, now_secs: f64) {
         if self.is_running && self.moment_secs(now_secs) >= self.end_secs {
             self.seek(self.end_secs, now_secs);
@@ -75,7 +75,7 @@ impl ReplayClock {
         }
     }
 
-    /// Stops, or goes on; from the end it begins again.
+    /// Pauses or resumes; at the end it starts again from the beginning.
     pub fn toggle(&mut self, now_secs: f64) {
         let moment = self.moment_secs(now_secs);
         let begins_again = !self.is_running && moment >= self.end_secs;
@@ -83,7 +83,7 @@ impl ReplayClock {
         self.is_running = !self.is_running && self.end_secs > 0.0;
     }
 
-    /// Goes on at another rate; one that is not positive and finite changes nothing.
+    /// Changes the rate; one that is not positive and finite is ignored.
     pub fn set_rate(&mut self, rate: f64, now_secs: f64) {
         if rate > 0.0 && rate.is_finite() {
             self.seek(self.moment_secs(now_secs), now_secs);
@@ -91,7 +91,7 @@ impl ReplayClock {
         }
     }
 
-    /// Turns to a moment, and runs on from there if it ran.
+    /// Seeks to a moment, and keeps running if it ran.
     pub fn seek(&mut self, moment_secs: f64, now_secs: f64) {
         self.moment_secs = if moment_secs.is_nan() {
             0.0
@@ -102,7 +102,7 @@ impl ReplayClock {
         self.turns += 1;
     }
 
-    /// Stops at the next of ascending `moments`, or at the last one before; at the shot's end or start
+    /// Pauses at the next of ascending `moments`, or at the last one before; at the shot's end or start
     /// if there is none.
     pub fn step(&mut self, moments: &[f64], forward: bool, now_secs: f64) {
         let now = self.moment_secs(now_secs);
@@ -120,7 +120,7 @@ impl ReplayClock {
     }
 }
 
-/// Moments this close together are one.
+/// Time within which moments count as the same, in seconds.
 const APART_SECS: f64 = 1e-4;
 
 #[cfg(test)]

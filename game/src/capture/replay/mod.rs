@@ -1,12 +1,11 @@
-//! Replays of previous shots: scrubbed, slowed down, stepped through, picked
-//! from a list, kept as files.
+//! Replays of previous shots with seeking, slow motion, stepping through events, a list of shots, and files.
 //!
 //! ```text
-//! Recording (takes) ─▶ ReplayPlayer ─┬─ ReplayClock (runs, slows, stands, is turned)
+//! Recording (takes) ─▶ ReplayPlayer ─┬─ ReplayClock (runs, slows, pauses, seeks)
 //!        ▲   ▲                  └─▶ poses and camera, as a game gives them
 //!    RecordingStore   Match::recording
 //! ```
-//! Knows neither window nor farm; time is an argument.
+//! Uses neither window nor farm; time is an argument.
 
 mod clock;
 
@@ -29,7 +28,7 @@ use carom_billiards::physics::{
 
 pub use clock::ReplayClock;
 
-/// A command of the replay page.
+/// Command of the replay page.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ReplayCommand {
     /// Control time, or choose another shot.
@@ -38,15 +37,15 @@ pub enum ReplayCommand {
     Save(RecordingKind),
     /// Open a file.
     Open(PathBuf),
-    /// Film the shot as it is seen, or give up the film that is being made.
+    /// Render a film of the shot in the present view, or cancel the one in progress.
     Film,
-    /// Play on from the balls before the shot.
+    /// Continue play from the balls before the shot.
     Play,
     /// Go back to the game.
     Close,
 }
 
-/// A recording on show.
+/// Player of a recording.
 #[derive(Clone, Debug)]
 pub struct ReplayPlayer {
     table: Table,
@@ -61,7 +60,7 @@ pub struct ReplayPlayer {
 }
 
 impl ReplayPlayer {
-    /// Shows the last take of a recording of `table`; None if it has none.
+    /// A player at the last take of a recording of `table`; none if it has no takes.
     pub fn new(recording: Recording, table: &Table, now_secs: f64) -> Option<Self> {
         let take = recording.clips.len().checked_sub(1)?;
         let shot = &recording.clips[take].shot;
@@ -78,7 +77,7 @@ impl ReplayPlayer {
         })
     }
 
-    /// What is shown.
+    /// The recording.
     pub fn recording(&self) -> &Recording {
         &self.recording
     }
@@ -88,12 +87,12 @@ impl ReplayPlayer {
         self.take
     }
 
-    /// Its time.
+    /// The clock of the take on show.
     pub fn clock(&self) -> &ReplayClock {
         &self.clock
     }
 
-    /// What happens in it.
+    /// The events of the take on show.
     pub fn timeline_events(&self) -> &[TimelineEvent] {
         &self.timeline
     }
@@ -103,7 +102,7 @@ impl ReplayPlayer {
         &self.recording.clips[self.take].shot
     }
 
-    /// Only the take on show, to be shared.
+    /// A recording of only the take on show.
     pub fn excerpt(&self) -> Recording {
         Recording {
             table: self.recording.table.clone(),
@@ -111,7 +110,7 @@ impl ReplayPlayer {
         }
     }
 
-    /// Does what the viewer wants.
+    /// Applies a playback control.
     pub fn apply(&mut self, watch: ReplayControl, now_secs: f64) {
         match watch {
             ReplayControl::Toggle => self.clock.toggle(now_secs),
@@ -143,24 +142,24 @@ impl ReplayPlayer {
         }
     }
 
-    /// Does what the viewer wants of the camera.
+    /// Applies a command to the camera.
     pub fn look(&mut self, intent: CameraIntent, game: &Game, now_secs: f64) {
         let now = self.viewpoint(game, self.clock.moment_secs(now_secs) / self.clock.rate());
         self.views.apply(intent, game.table(), now);
     }
 
-    /// The view that is chosen.
+    /// The chosen view.
     pub fn view(&self) -> CameraView {
         self.views.view()
     }
 
-    /// Lets time pass.
+    /// Advances the clock.
     pub fn tick(&mut self, now_secs: f64) {
         self.clock.tick(now_secs);
     }
 
-    /// The clock while time passes. It counts the display's seconds, so that in slow motion as many
-    /// frames are requested in a second as else.
+    /// The clock while it runs. It counts seconds of display time, so that the frame rate is the same in
+    /// slow motion.
     pub fn shot_clock(&self, now_secs: f64) -> Option<ShotClock> {
         let rate = self.clock.rate();
         self.clock.is_running().then(|| ShotClock {
@@ -170,19 +169,19 @@ impl ReplayPlayer {
         })
     }
 
-    /// The balls at a moment that [`ReplayPlayer::shot_clock`] counts; while time stands, as they are.
+    /// The balls at a time of [`ReplayPlayer::shot_clock`]; while the clock pauses, at the moment on show.
     pub fn poses(&self, display_secs: f64) -> Vec<BallPose> {
         self.shot().poses_at(self.moment_secs(display_secs))
     }
 
-    /// The cue, at a moment as [`ReplayPlayer::poses`] counts it.
+    /// The cue, at a time as in [`ReplayPlayer::poses`].
     pub fn cue(&self, table: &Table, display_secs: f64) -> Option<CuePose> {
         let cue = self.cue.get_or_init(|| cue_of_shot(table, self.shot()));
         let swung = cue.clone()?.swung(self.moment_secs(display_secs))?;
         Some(swung.pose(table.cue_ball().radius_m))
     }
 
-    /// The particles, at a moment as [`ReplayPlayer::poses`] counts it.
+    /// The particles, at a time as in [`ReplayPlayer::poses`].
     pub fn particles(&self, display_secs: f64) -> ParticleMoment {
         let puff = self
             .puff
@@ -195,7 +194,7 @@ impl ReplayPlayer {
         }
     }
 
-    /// From where it is seen beside `game`, at a moment as [`ReplayPlayer::poses`] counts it.
+    /// The viewpoint, at a time as in [`ReplayPlayer::poses`]; table and framing are those of `game`.
     pub fn viewpoint(&self, game: &Game, display_secs: f64) -> Viewpoint {
         let follows = self.views.view() == CameraView::Follow;
         let chase = || {
@@ -219,17 +218,17 @@ impl ReplayPlayer {
         })
     }
 
-    /// The moment of the shot that is meant by one that the display counts.
+    /// The moment of the shot at a time of [`ReplayPlayer::shot_clock`].
     fn moment_secs(&self, display_secs: f64) -> f64 {
         if self.clock.is_running() {
             (display_secs * self.clock.rate()).max(0.0)
         } else {
-            // Standing, the clock shows the same at any time.
+            // A paused clock shows the same moment at any time.
             self.clock.moment_secs(0.0).max(0.0)
         }
     }
 
-    /// The same shot and view from the stroke on, at its own speed.
+    /// The player with the same shot and view, from the stroke on and in real time.
     #[must_use]
     pub fn restarted(&self) -> Self {
         let mut player = self.clone();
@@ -237,7 +236,8 @@ impl ReplayPlayer {
         player
     }
 
-    /// The table before the stroke, at rest: to be played on from. Particles lie as they did when they were laid.
+    /// The table before the stroke, at rest, from which play can continue. Particles are as they were first
+    /// placed.
     pub fn start(&self) -> PracticeLayout {
         let balls = at_rest(self.shot().states_at(0.0));
         let patches = self.patches();
@@ -249,20 +249,20 @@ impl ReplayPlayer {
         }
     }
 
-    /// What the table was covered with.
+    /// The patches of particles on the table.
     pub fn patches(&self) -> &[ParticlePatch] {
         self.shot().particles().map_or(&[], |track| track.patches())
     }
 }
 
-/// Which way the cue ball is struck.
+/// Horizontal direction of the stroke, 0 without a cue ball.
 fn bearing_rad(shot: &Shot) -> f64 {
     let states = shot.states_at(0.0);
     let cue_ball = states.iter().find(|ball| ball.number == 0);
     cue_ball.map_or(0.0, |ball| ball.velocity.truncate().to_angle())
 }
 
-/// Beyond the numbers of shots that are played.
+/// First number of replayed shots, beyond those of played ones.
 const NUMBERS_FROM: u64 = 1 << 62;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Compressed videos with sound, by the ffmpeg that is installed.
+//! Compressed videos with sound, encoded by an installed ffmpeg.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -12,7 +12,7 @@ use carom_tracer::ImageSize;
 
 use crate::audio::{Sound, installed_program};
 
-/// A container, and the codecs in it.
+/// Container format with its codecs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VideoContainer {
     /// H.264 and AAC: `.mp4`.
@@ -26,7 +26,7 @@ pub enum VideoContainer {
 }
 
 impl VideoContainer {
-    /// What a file's name says.
+    /// The format of a file's ending, if it is one of these.
     pub fn of(path: &Path) -> Option<Self> {
         match path.extension().and_then(OsStr::to_str)? {
             "mp4" => Some(Self::Mp4),
@@ -37,7 +37,7 @@ impl VideoContainer {
         }
     }
 
-    /// The size of a video whose frames have this size: H.264 has even ones only.
+    /// Size of a video for frames of this size: with H.264 it is rounded up to even numbers.
     pub fn size(self, frame: ImageSize) -> ImageSize {
         match self {
             Self::Mp4 | Self::Mkv => ImageSize::new(
@@ -48,9 +48,9 @@ impl VideoContainer {
         }
     }
 
-    /// The options of ffmpeg for the output.
+    /// Options of ffmpeg for the output.
     fn options(self) -> String {
-        // Planes of colour at half resolution need even sizes.
+        // Chroma planes at half resolution (yuv420p) need even sizes.
         let h264 = "-vf pad=ceil(iw/2)*2:ceil(ih/2)*2 -c:v libx264 -crf 18 -pix_fmt yuv420p -c:a aac -b:a 192k";
         match self {
             Self::Mp4 => format!("{h264} -movflags +faststart -f mp4"),
@@ -63,16 +63,17 @@ impl VideoContainer {
     }
 }
 
-/// The encoder, if it is installed.
+/// Path of ffmpeg, if it is installed.
 pub(super) fn installed() -> Option<PathBuf> {
     installed_program("ffmpeg")
 }
 
-/// Puts frames and sound together in one file, as long as `proceed` says so before each frame. Written
-/// under a name of its own and renamed: there is never half a video, nor one in place of another file.
+/// Encodes frames and sound to one file while `proceed`, called before each frame, returns true. The file
+/// is written under a temporary name and renamed at the end, so that there is never an incomplete video at
+/// `path`.
 ///
 /// # Errors
-/// A sentence with the path: what ffmpeg says, or that it is not installed; [`FilmFrames::write_y4m`]'s.
+/// If ffmpeg is not installed or fails, with its last message; those of [`FilmFrames::write_y4m`].
 pub(super) fn encode(
     frames: &FilmFrames,
     sound: &Sound,
@@ -104,7 +105,8 @@ pub(super) fn encode(
     let pipe = encoder.stdin.take().context("ffmpeg has no input")?;
     let sent = frames.write_y4m(BufWriter::new(pipe), frames_per_sec, proceed);
     if sent.is_err() && !proceed() {
-        let _ = encoder.kill(); // it would make a shorter video of what it has
+        // It would finish a shorter video from the frames that it has.
+        let _ = encoder.kill();
     }
     let status = encoder.wait()?;
     if !status.success() || sent.is_err() {

@@ -1,4 +1,4 @@
-//! Videos of shots: what is seen and heard when, and the file that the farm's film goes to.
+//! Videos of shots: their frames and sound, and the output file.
 
 mod ffmpeg;
 pub mod replay_film;
@@ -15,10 +15,10 @@ use crate::capture::next_path;
 pub use ffmpeg::VideoContainer;
 pub use shot_sequence::{ShotSequence, VideoView};
 
-/// Where a film goes; its kind is told by the name's ending.
+/// Output of a film, whose kind follows from the name's ending.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum VideoTarget {
-    /// One file without loss and without sound, see [`FilmFormat`].
+    /// One lossless file without sound, see [`FilmFormat`].
     File(PathBuf),
     /// One compressed file with sound.
     Encoded(PathBuf, VideoContainer),
@@ -27,11 +27,11 @@ pub enum VideoTarget {
 }
 
 impl VideoTarget {
-    /// Reads a path.
+    /// Parses a path.
     ///
     /// # Errors
-    /// [`Error::VideoKind`] for an ending that is not written, [`Error::FfmpegMissing`] for one that
-    /// needs ffmpeg where it is not installed.
+    /// [`Error::VideoKind`] for an unknown ending, [`Error::FfmpegMissing`] for one that
+    /// needs ffmpeg if it is not installed.
     pub fn parse(path: &str) -> Result<Self, Error> {
         let at = PathBuf::from(path);
         if let Some(container) = VideoContainer::of(&at) {
@@ -48,8 +48,8 @@ impl VideoTarget {
         }
     }
 
-    /// The best kind of file that can be made here, at a path without an ending: with sound where
-    /// ffmpeg is installed, an animated PNG otherwise.
+    /// The next free path in a folder, of the best available kind: MP4 with sound if ffmpeg is installed,
+    /// an animated PNG otherwise.
     ///
     /// # Errors
     /// As [`next_path`].
@@ -60,14 +60,14 @@ impl VideoTarget {
         })
     }
 
-    /// The path itself.
+    /// Path of the file or folder.
     pub fn path(&self) -> &Path {
         match self {
             Self::File(path) | Self::Encoded(path, _) | Self::Folder(path) => path,
         }
     }
 
-    /// The folder that keeps the frames until the film is whole.
+    /// Path of the folder that holds the frames until the film is complete.
     pub fn frames_folder(&self) -> PathBuf {
         match self {
             Self::Folder(folder) => folder.clone(),
@@ -80,10 +80,10 @@ impl VideoTarget {
     }
 }
 
-/// Puts all frames of a film together in the file that is wanted, as long as `proceed` says so.
+/// Assembles the frames of a film to the target while `proceed` returns true.
 ///
 /// # Errors
-/// A sentence with the path.
+/// If the file cannot be written or encoded, or `proceed` returned false.
 pub fn save(
     frames: &FilmFrames,
     soundtrack: impl FnOnce() -> Sound,

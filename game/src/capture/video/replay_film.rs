@@ -1,5 +1,4 @@
-//! Films of a replay: the shot on show, from where it is seen, rendered by the game's farm where the
-//! window leaves it time.
+//! Films of a replay: the shot on show in the present view, rendered by the game's farm in the background.
 
 use std::fs;
 use std::path::Path;
@@ -15,35 +14,35 @@ use crate::audio;
 use crate::capture::background::{CaptureProgress, CaptureSlot};
 use crate::scene::scene_builder::EXPOSURE;
 
-/// The moments of a film of `shot`, in seconds since the stroke: to the end and a little longer.
+/// Moments of the frames of a film of `shot`, in seconds since the stroke, up to a short rest after the end.
 pub fn moments(shot: &Shot) -> impl Iterator<Item = f64> {
     let secs = shot.duration_secs() + REST_SECS;
     let frames = (secs * f64::from(FRAMES_PER_SEC)).ceil() as u32;
     (0..frames).map(|frame| f64::from(frame) / f64::from(FRAMES_PER_SEC))
 }
 
-/// A film of a shot that is to be rendered.
+/// Film of a shot to be rendered.
 #[derive(Clone, Debug)]
 pub struct ReplayFilm {
     /// The shot, for its sound.
     pub shot: Shot,
     /// The scene at each of its [`moments`].
     pub updates: Vec<SceneUpdate>,
-    /// Pixels of a frame.
+    /// Size of a frame in pixels.
     pub size: ImageSize,
-    /// As [`RenderSettings::max_depth`].
+    /// Maximum path depth, see [`RenderSettings::max_depth`].
     pub max_depth: u32,
 }
 
 impl ReplayFilm {
-    /// Pixels of a frame, if nothing else is wanted.
+    /// Default size of a frame in pixels.
     pub const SIZE: ImageSize = ImageSize::new(1280, 720);
 
-    /// Begins the film, which will lie in `folder` as `film_0001.mp4` with sound or, without ffmpeg, as
+    /// Begins the film, to be written to `folder` as `film_0001.mp4` with sound or, without ffmpeg, as
     /// `film_0001.png`.
     ///
     /// # Errors
-    /// [`crate::Error::Unwritable`], [`crate::Error::Farm`] if the farm does not take it,
+    /// [`crate::Error::Unwritable`], [`crate::Error::Farm`] if the farm refuses it,
     /// [`crate::Error::CaptureThread`].
     pub fn begin(
         self,
@@ -73,7 +72,7 @@ impl ReplayFilm {
             let frames = match job.wait() {
                 Ok(frames) => frames,
                 Err(why) => {
-                    // Nobody asks for the rest of it.
+                    // It will not be resumed, so its frames are deleted.
                     let _ = fs::remove_dir_all(target.frames_folder());
                     return Err(why.into());
                 }
@@ -89,9 +88,9 @@ impl ReplayFilm {
 }
 
 const FRAMES_PER_SEC: u16 = 30;
-/// Denoised, grain is hardly seen then.
+/// Samples per pixel, before denoising.
 const SAMPLES: u32 = 16;
-/// Balls lie still for so long at the end.
+/// Time of rest at the end.
 const REST_SECS: f64 = 0.5;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The sequence of a video, frame by frame: shots one after the other, at their own times.
+//! Frames of a video: shots one after the other, and the scene at each frame.
 
 use std::sync::Arc;
 
@@ -31,28 +31,28 @@ pub enum VideoView {
     Orbit,
 }
 
-/// A film that is not yet traced.
+/// Sequence of shots to be traced as a film.
 #[derive(Clone, Debug)]
 pub struct ShotSequence {
     stage: TableScene,
     shots: Vec<Shot>,
-    /// What each shot is struck with.
+    /// The cue of each shot.
     cues: Vec<Option<CueView>>,
     puffs: Vec<Arc<ChalkPuff>>,
     view: VideoView,
-    /// Where each shot is followed to, if it is.
+    /// The camera path of each shot with [`VideoView::Follow`], otherwise empty.
     followed: Vec<FollowCamera>,
     /// Width over height.
     aspect: f64,
     frames_per_sec: u16,
-    /// Where each shot begins, seconds since its stroke.
+    /// Moment at which each shot begins, seconds since its stroke.
     first_secs: f64,
-    /// Frames before each shot, and of all.
+    /// Index of the first frame of each shot, and the total number of frames.
     starts: Vec<u32>,
 }
 
 impl ShotSequence {
-    /// Whole shots, each with a moment of rest after it. `frames_per_sec` is at least 1.
+    /// A sequence of whole shots, each followed by `REST_SECS` of rest. `frames_per_sec` is at least 1.
     pub fn whole(
         stage: TableScene,
         shots: Vec<Shot>,
@@ -89,7 +89,7 @@ impl ShotSequence {
         }
     }
 
-    /// The first `frames` of a shot from shortly before balls meet.
+    /// A sequence of `frames` frames of a shot from shortly before the first contact of balls.
     pub fn impact(
         stage: TableScene,
         shot: Shot,
@@ -105,7 +105,7 @@ impl ShotSequence {
         }
     }
 
-    /// The same, of `frames` frames at most.
+    /// The sequence cut to at most `frames` frames.
     #[must_use]
     pub fn cut(mut self, frames: u32) -> Self {
         for start in &mut self.starts {
@@ -114,7 +114,7 @@ impl ShotSequence {
         self
     }
 
-    /// The same for frames of this size.
+    /// The sequence for frames of this size.
     #[must_use]
     pub fn sized(self, size: ImageSize) -> Self {
         let aspect = f64::from(size.width) / f64::from(size.height);
@@ -131,22 +131,22 @@ impl ShotSequence {
         track
     }
 
-    /// The room as it is traced.
+    /// The scene, to which [`Self::update`] applies.
     pub fn scene(&self) -> &Scene {
         self.stage.scene()
     }
 
-    /// How many frames there are.
+    /// Number of frames.
     pub fn frames(&self) -> u32 {
         self.starts[self.starts.len() - 1]
     }
 
-    /// How many are shown in a second.
+    /// Frames per second.
     pub fn frames_per_sec(&self) -> u16 {
         self.frames_per_sec
     }
 
-    /// The shot of a frame, and the moment in it: seconds since the stroke.
+    /// Index of the shot of a frame, and the moment in it in seconds since the stroke.
     pub fn moment(&self, frame: u32) -> (usize, f64) {
         let shot = self.starts.partition_point(|&start| start <= frame);
         let shot = shot.clamp(1, self.shots.len()) - 1;
@@ -155,7 +155,7 @@ impl ShotSequence {
         (shot, secs)
     }
 
-    /// What differs in a frame from the scene at rest.
+    /// The update of the scene for a frame.
     pub fn update(&self, frame: u32) -> SceneUpdate {
         let (shot, moment_secs) = self.moment(frame);
         let cue = self.cues[shot].clone();
@@ -211,7 +211,7 @@ impl ShotSequence {
     }
 }
 
-/// Which way the cue ball is struck; none if it is not.
+/// Horizontal direction of the stroke; none if the cue ball is not struck.
 fn bearing_rad(shot: &Shot) -> Option<f64> {
     let states = shot.states_at(0.0);
     let cue_ball = states.iter().find(|ball| ball.number == 0)?;
@@ -219,7 +219,7 @@ fn bearing_rad(shot: &Shot) -> Option<f64> {
     (velocity.length() > 0.0).then(|| velocity.to_angle())
 }
 
-/// From behind the cue ball up to the whole table.
+/// View from behind the cue ball that rises to the whole table.
 fn behind(table: &Table, shot: &Shot, elevation_rad: f64, moment_secs: f64) -> Viewpoint {
     let states = shot.states_at(0.0);
     let cue_ball = states.iter().find(|ball| ball.number == 0);
@@ -238,15 +238,15 @@ fn first_contact_secs(shot: &Shot) -> f64 {
     contact.map_or(0.0, |event| event.time_secs)
 }
 
-/// Of the height of a plan's frame, whose shape alone matters.
+/// Height of a plan's frame in points; only the aspect ratio matters.
 const PLAN_POINTS: f64 = 720.0;
-/// Once round the table in a minute.
+/// Angular speed of the orbiting camera: one turn in a minute.
 const ORBIT_RAD_PER_SEC: f64 = std::f64::consts::TAU / 60.0;
-/// Balls lie still for so long before the next shot.
+/// Time of rest after each shot.
 const REST_SECS: f64 = 0.5;
-/// The cue ball is seen rolling for this long before it meets the rack.
+/// Time before the first contact at which [`ShotSequence::impact`] begins.
 const LEAD_IN_SECS: f64 = 0.1;
-/// When the camera rises after the blow.
+/// Time after the stroke in which the camera rises.
 const RISE_SECS: std::ops::Range<f64> = 0.1..1.7;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The scheduler of frames: which to request of the farm next, and which one is on show.
+//! Frame scheduler: which frame to request from the farm next, and which one is on show.
 //!
 //! ```text
 //!            things move          │ a draft at the quality that holds the frame time
@@ -7,8 +7,7 @@
 //! shot ──────────────────────────▶  moments of the future, each shown when its time comes
 //! ```
 //!
-//! The scheduler knows neither farm nor clock: times are arguments, so that tests play hours in
-//! milliseconds.
+//! The scheduler uses neither farm nor clock: times are arguments, so that tests run hours in milliseconds.
 
 mod shown_frame;
 #[cfg(test)]
@@ -32,7 +31,7 @@ use crate::frame::opening_still::OpeningStill;
 use crate::play::ShotClock;
 use crate::scene::scene_builder::EXPOSURE;
 
-/// What the player looks at.
+/// Content of the player's view.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ViewTarget {
     /// The table as it is now.
@@ -41,23 +40,23 @@ pub enum ViewTarget {
     Shot(ShotClock),
 }
 
-/// A picture to ask for.
+/// Picture to be requested from the farm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameRequest {
-    /// What to submit.
+    /// Specification to submit.
     pub spec: FrameSpec,
-    /// When it must be shown, from now on, if it must: see [`Submission::deadline`].
+    /// Time from now until it must be shown, if it has a fixed one: see [`Submission::deadline`].
     pub deadline: Option<Duration>,
     role: RequestKind,
 }
 
 impl FrameRequest {
-    /// Whether the picture is shown while things move, and so reprojected until the next one is there.
+    /// Whether the picture is shown while things move, and therefore reprojected until the next one arrives.
     pub fn is_reprojected(&self) -> bool {
         self.role != RequestKind::Accumulation
     }
 
-    /// Its terms: what refines a picture comes after what answers the player.
+    /// Its priority and deadline: refinement has a lower priority than pictures that respond to the player.
     pub fn submission(&self) -> Submission {
         let priority = match self.role {
             RequestKind::Accumulation => Priority::Background,
@@ -78,32 +77,32 @@ enum RequestKind {
     Lookahead(f64),
 }
 
-/// What the farm should do now.
+/// Next action towards the farm.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SchedulerAction {
-    /// Nothing.
+    /// Nothing to do for now.
     Rest,
-    /// Drop these pictures.
+    /// Cancel these pictures.
     Cancel(Vec<FrameId>),
-    /// Trace this.
+    /// Submit this picture.
     Trace(FrameRequest),
 }
 
-/// Figures for the player.
+/// Statistics for the player.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SchedulerStats {
-    /// Pictures finished, ever.
+    /// Number of pictures finished so far.
     pub pictures: u64,
-    /// Tiles that were not there when their pictures had to be shown, and that the picture before
-    /// stood in for, ever.
+    /// Number of tiles so far that were missing when their pictures had to be shown, and were filled from the
+    /// picture before.
     pub late_tiles: u64,
-    /// Pictures of a shot that were passed over because a later one was due, ever.
+    /// Number of pictures of shots so far that were skipped because a later one was due.
     pub skipped: u64,
-    /// How far ahead of its moment a picture is asked for, seconds.
+    /// Time by which pictures are requested ahead of their moment, in seconds.
     pub lead_secs: f64,
 }
 
-/// Turns a [`ViewTarget`] into requests and finished frames into the picture on show.
+/// State machine that turns a [`ViewTarget`] into requests, and finished frames into the picture on show.
 #[derive(Debug)]
 pub struct FrameScheduler {
     window: ImageSize,
@@ -113,27 +112,30 @@ pub struct FrameScheduler {
     lead: LeadTime,
     in_flight_max: usize,
     target: Option<ViewTarget>,
+    /// Time of the last change of the target.
     still_since_secs: f64,
+    /// Whether a draft of the present target has been requested.
     drafted: bool,
     refinement: Option<AccumulationState>,
     schedule: FrameSchedule,
     moments: PresentationQueue<TimedFrame>,
     pending: VecDeque<PendingFrame>,
+    /// Number of drafts and frames of shots requested so far.
     requests: u64,
     shown: ShownFrame,
-    /// Of the shot, if the picture on show is of it.
+    /// Moment of the picture on show in the present shot, if it is of that, in seconds.
     shown_moment: Option<f64>,
     stats: SchedulerStats,
 }
 
-/// A picture of a shot, perhaps with tiles missing.
+/// Picture of a shot, possibly with missing tiles.
 #[derive(Debug)]
 struct TimedFrame {
     picture: DisplayFrame,
     missing: Vec<Tile>,
 }
 
-/// Puts into a picture what is missing of it, from the picture that was on show before.
+/// Function that fills the missing tiles of a picture from the picture that was on show before.
 pub type FillMissing<'a> = &'a mut dyn FnMut(&mut DisplayFrame, &[Tile], &DisplayFrame);
 
 #[derive(Clone, Debug)]
@@ -145,8 +147,8 @@ struct PendingFrame {
 }
 
 impl FrameScheduler {
-    /// For a window of `window` pixels, a farm that takes `in_flight_max` pictures at once, and
-    /// paths of depth `max_depth` at most.
+    /// A scheduler for a window of `window` pixels, a farm that takes `in_flight_max` pictures at once, and
+    /// a maximum path depth of `max_depth`.
     pub fn new(window: ImageSize, in_flight_max: usize, max_depth: u32) -> Self {
         Self {
             window,
@@ -169,22 +171,22 @@ impl FrameScheduler {
         }
     }
 
-    /// What is given up first while things move.
+    /// Sets what is reduced first while things move.
     pub fn set_quality_preference(&mut self, preference: QualityPreference) {
         self.quality.set_quality_preference(preference);
     }
 
-    /// Makes moving pictures of this level, however long they take: for measurements.
+    /// Fixes the quality of moving pictures to a level, however long they take, for measurements.
     pub fn fix_quality(&mut self, level: QualityLevel) {
         self.quality.fix(level);
     }
 
-    /// Maximum path depth from the next picture on.
+    /// Sets the maximum path depth from the next picture on.
     pub fn set_max_depth(&mut self, max_depth: u32) {
         self.max_depth = max_depth;
     }
 
-    /// Follows the window's size.
+    /// Sets the window's size; if it differs, the view is requested again.
     pub fn resize(&mut self, window: ImageSize) {
         if self.window != window {
             self.window = window;
@@ -192,7 +194,7 @@ impl FrameScheduler {
         }
     }
 
-    /// Traces no picture sharper than this from the next one on.
+    /// Limits the resolution of pictures from the next one on.
     pub fn set_resolution(&mut self, resolution: Resolution) {
         if self.resolution != resolution {
             self.resolution = resolution;
@@ -200,18 +202,18 @@ impl FrameScheduler {
         }
     }
 
-    /// Pixels of a view at rest.
+    /// Size of pictures of a view at rest, the largest in use.
     pub fn sharpest(&self) -> ImageSize {
         self.resolution.size(self.window)
     }
 
-    /// Pixels of the window.
+    /// Size of the window in pixels.
     pub fn window(&self) -> ImageSize {
         self.window
     }
 
-    /// Decides what the farm, which can take `room` more frames, should do next; call until it says
-    /// [`SchedulerAction::Rest`]. `at` gives the scene at a moment of the shot.
+    /// Decides what the farm, which can take `room` more frames, should do next; to be called until it
+    /// returns [`SchedulerAction::Rest`]. `at` returns the scene at a moment of the shot.
     pub fn plan(
         &mut self,
         now_secs: f64,
@@ -223,8 +225,8 @@ impl FrameScheduler {
             return SchedulerAction::Rest;
         }
         let cancel = self.set_target(now_secs, target);
-        // Cancelled before anything new is asked for: frames are worked off in order, and the new one
-        // would wait.
+        // Cancels before requesting anything new: the farm works on frames in order, and the new one would
+        // wait.
         if cancel && !self.pending.is_empty() {
             return SchedulerAction::Cancel(self.drain_pending());
         }
@@ -246,7 +248,7 @@ impl FrameScheduler {
         request.map_or(SchedulerAction::Rest, SchedulerAction::Trace)
     }
 
-    /// Notes that `request` was submitted as `id`.
+    /// Records that `request` was submitted as `id`.
     pub fn submitted(&mut self, id: FrameId, request: &FrameRequest) {
         if let (RequestKind::Accumulation, Some(refinement)) = (request.role, &mut self.refinement)
         {
@@ -260,14 +262,14 @@ impl FrameScheduler {
         });
     }
 
-    /// Forgets everything that was requested, to be cancelled by the caller, and begins anew.
+    /// Resets the target and returns all pending frames, which the caller must cancel.
     pub fn cancel_all(&mut self) -> Vec<FrameId> {
         self.target = None;
         self.drain_pending()
     }
 
-    /// Takes in a finished frame; what must be summed with others goes, with the number of its picture,
-    /// through [`crate::frame::accumulation`]. Frames that have been cancelled are ignored.
+    /// Processes a finished frame. A batch of samples is returned with the series of its picture, to be
+    /// summed by [`crate::frame::accumulation`]. Cancelled frames are ignored.
     pub fn finished(&mut self, frame: Frame) -> Option<(u64, SampleBatch)> {
         let is_frame = |pending: &PendingFrame| pending.id == frame.id;
         let place = self.pending.iter().position(is_frame)?;
@@ -293,20 +295,20 @@ impl FrameScheduler {
                 let picture = self.shown.picture(frame.size, rgba, pending.update);
                 self.add_moment(frame.id, at, picture, frame.missing);
             }
-            // A farm that answers in another format than it was asked for breaks its contract.
+            // The farm's contract is to answer in the requested format.
             (role, _) => tracing::error!("frame {} of {role:?} has another format", frame.id.0),
         }
         None
     }
 
-    /// Takes in merged sample ranges; those of a picture that is not wanted any more are ignored.
+    /// Processes merged sample ranges; those of a picture that is no longer refined are ignored.
     pub fn accumulated(&mut self, frame: AccumulatedFrame) {
         let wanted = |refinement: &&mut AccumulationState| refinement.series == frame.series;
         let Some(refinement) = self.refinement.as_mut().filter(wanted) else {
             return;
         };
         refinement.accumulated = frame.samples;
-        // Fewer would look rougher than the draft, whose pixels are larger.
+        // With fewer samples it would look noisier than the draft, whose pixels are larger.
         if frame.samples >= SHOWN_SAMPLES_MIN {
             let update = refinement.update.clone();
             let picture = self.shown.picture(frame.size, frame.rgba, update);
@@ -314,7 +316,7 @@ impl FrameScheduler {
         }
     }
 
-    /// Puts on show the frame of the shot that is due. What is missing of it is put in by `fill`.
+    /// Shows the frame of the shot that is due; `fill` fills its missing tiles.
     pub fn present_due(&mut self, fill: FillMissing<'_>) {
         if let Some(ViewTarget::Shot(clock)) = &self.target
             && let Some((at, moment)) = self.moments.due(clock.now_secs)
@@ -328,22 +330,23 @@ impl FrameScheduler {
         self.shown.frame()
     }
 
-    /// The frame on show, if it is of a moving view: to be blended with those before it.
+    /// The frame on show, if it is of a moving view, to be blended with earlier ones.
     pub fn shown_moving(&mut self) -> Option<&mut DisplayFrame> {
         self.shown.moving()
     }
 
-    /// Shows a picture that no farm has traced, until one has.
+    /// Shows a stored picture until the farm has traced one.
     pub fn show_still(&mut self, still: OpeningStill) {
         self.shown.show_still(still);
     }
 
-    /// The frame that was on show before, once.
+    /// Takes the frame that was on show before, if it has not been taken.
     pub fn take_replaced(&mut self) -> Option<DisplayFrame> {
         self.shown.take_replaced()
     }
 
-    /// A picture with tiles missing is shown only if there is one to fill them from.
+    /// Shows a picture of the shot. With missing tiles it is shown only if there is another to fill them
+    /// from.
     fn present(&mut self, at: f64, moment: TimedFrame, fill: FillMissing<'_>) {
         let TimedFrame {
             mut picture,
@@ -358,27 +361,27 @@ impl FrameScheduler {
         self.shown_moment = Some(at);
     }
 
-    /// Takes in a picture of the shot. One that had to be shown before it was whole comes twice;
-    /// those before it do not come any more.
+    /// Queues a picture of the shot. One whose deadline passed before it was complete arrives twice, first
+    /// with missing tiles; pictures requested before it will not arrive any more.
     fn add_moment(&mut self, id: FrameId, at: f64, picture: DisplayFrame, missing: Vec<Tile>) {
         let comes = |pending: &PendingFrame| {
             pending.id >= id || !matches!(pending.role, RequestKind::Lookahead(_))
         };
         self.pending.retain(comes);
         match self.shown_moment {
-            // Too late for the screen, which does not run backwards.
+            // Too late: the shot on screen must not run backwards.
             Some(shown) if at < shown => {}
             Some(shown) if at == shown && missing.is_empty() => self.shown.replace(picture),
             _ => self.moments.push(at, TimedFrame { picture, missing }),
         }
     }
 
-    /// How long after a click the stroke should fall, so that pictures of the shot are there in time.
+    /// Delay from a click to the stroke that lets pictures of the shot arrive in time, in seconds.
     pub fn stroke_delay_secs(&self) -> f64 {
         self.lead.stroke_delay_secs(self.quality.period_secs())
     }
 
-    /// Whether the picture on show will not change by itself any more.
+    /// Whether the picture on show is complete and will not change without a new target.
     pub fn is_at_rest(&self) -> bool {
         let finished = self
             .refinement
@@ -387,18 +390,18 @@ impl FrameScheduler {
         self.pending.is_empty() && finished
     }
 
-    /// What moving pictures are made of, and why.
+    /// The quality of moving pictures, and the reason for it.
     pub fn quality(&self) -> &Quality {
         &self.quality
     }
 
-    /// Paths per pixel of a picture that was submitted and has not been taken in.
+    /// Samples per pixel of a pending picture.
     pub fn samples_of(&self, id: FrameId) -> Option<u32> {
         let pending = self.pending.iter().find(|pending| pending.id == id)?;
         Some(pending.settings.samples)
     }
 
-    /// For the player.
+    /// Statistics for the player.
     pub fn stats(&self) -> SchedulerStats {
         SchedulerStats {
             skipped: self.moments.skipped,
@@ -407,7 +410,7 @@ impl FrameScheduler {
         }
     }
 
-    /// Notes what is looked at; whether pictures in flight are of no use any more.
+    /// Sets the target, and returns whether it makes the pictures in flight useless.
     fn set_target(&mut self, now_secs: f64, target: &ViewTarget) -> bool {
         let before = self.target.replace(target.clone());
         let same = match (&before, target) {
@@ -429,7 +432,8 @@ impl FrameScheduler {
         self.schedule = FrameSchedule::default();
         self.moments.clear();
         self.shown_moment = None;
-        // Drafts are answers to the player's hand and are shown although the hand has moved on.
+        // Drafts stay in flight when a live view moves on: a slightly outdated one is still shown,
+        // reprojected.
         self.pending
             .iter()
             .any(|pending| pending.role != RequestKind::Interactive)
@@ -438,7 +442,7 @@ impl FrameScheduler {
 
     fn live_order(&mut self, now_secs: f64, update: &SceneUpdate) -> Option<FrameRequest> {
         if !self.drafted {
-            // More in flight than the way to the farm is long would lag behind the hand.
+            // More pictures in flight than cover the round trip to the farm would only add latency.
             let period_secs = self.quality.period_secs();
             let drafts_max = self
                 .lead
@@ -462,8 +466,8 @@ impl FrameScheduler {
             format: PixelFormat::LinearF16,
         };
         let state = || AccumulationState {
-            // The number of the last draft: it changes with every view, so that samples of an older one
-            // are told apart.
+            // The number of the last draft, which differs for every view, so that samples of an earlier
+            // view are recognised.
             series: self.requests,
             update: update.clone(),
             render: AccumulatedRender::new(spec(), Priority::Background),
@@ -482,7 +486,7 @@ impl FrameScheduler {
         self.pending.drain(..).map(|pending| pending.id).collect()
     }
 
-    /// A level's pixels: what moves is not sharper than what rests.
+    /// Size of a quality level's pictures, at most that of a view at rest.
     fn size_of(&self, level: QualityLevel) -> ImageSize {
         let (size, sharpest) = (level.size(self.window), self.sharpest());
         match size.pixels() > sharpest.pixels() {
@@ -491,6 +495,7 @@ impl FrameScheduler {
         }
     }
 
+    /// A request at the present quality level.
     fn level_order(&mut self, update: SceneUpdate, role: RequestKind) -> FrameRequest {
         let level: QualityLevel = self.quality.level();
         self.requests += 1;
@@ -501,7 +506,7 @@ impl FrameScheduler {
                 settings: RenderSettings {
                     samples: level.samples,
                     denoise: level.denoise,
-                    // Noise that differs from picture to picture averages out in the eye.
+                    // A different seed for each picture, so that noise averages out over time.
                     seed: self.requests as u32,
                     max_depth: self.max_depth,
                     ..RenderSettings::default()
@@ -514,7 +519,8 @@ impl FrameScheduler {
     }
 
     fn measure(&mut self, pending: &PendingFrame, frame: &Frame) {
-        // Waiting and travelling delay a picture, but not the ones behind it.
+        // Quality is by the busy time alone: queueing and transfer delay a picture, but not the rate of
+        // pictures.
         self.quality.observe(
             frame.size.pixels(),
             &pending.settings,
@@ -528,22 +534,24 @@ impl FrameScheduler {
     }
 }
 
-/// A picture that grows by disjoint sample ranges.
+/// Picture that is refined by disjoint sample ranges.
 #[derive(Debug)]
 struct AccumulationState {
-    /// The number of the draft that it refines.
+    /// Number of the draft that it refines.
     series: u64,
     update: SceneUpdate,
     render: AccumulatedRender,
-    /// Samples of each pixel that have come back as a picture.
+    /// Samples per pixel of the last accumulated picture.
     accumulated: u32,
 }
 
-/// Nothing has moved for this long: refine.
+/// Time without motion after which refinement begins, in seconds.
 const STILL_SECS: f64 = 0.1;
-/// What one refinement may take. Longer wastes less on fixed costs, shorter shows progress and
-/// leaves the farm sooner to the player's next move.
+/// Intended duration of one refinement, in seconds. Longer ones waste less on fixed costs, shorter ones
+/// show progress and free the farm sooner for the player's next move.
 const REFINEMENT_SECS: f64 = 0.25;
-/// Accumulation ends here: its error is a 32nd of one sample's, below a step of 8 bits.
+/// Samples per pixel at which accumulation ends: the error is then 1/32 of that of one sample, below a step
+/// of 8 bits.
 const SAMPLES_MAX: u32 = 1024;
+/// Samples per pixel from which an accumulated picture is shown.
 const SHOWN_SAMPLES_MIN: u32 = 2;

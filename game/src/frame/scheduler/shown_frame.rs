@@ -5,25 +5,25 @@ use carom_window::display::DisplayFrame;
 
 use crate::frame::opening_still::OpeningStill;
 
-/// What is on show.
+/// The picture on show and its history.
 #[derive(Debug, Default)]
 pub(super) struct ShownFrame {
-    /// Of the newest picture.
+    /// Serial number of the newest picture.
     serial: u64,
     frame: Option<DisplayFrame>,
-    /// It was traced as a draft of a view that moves.
+    /// Whether it was traced as a draft of a moving view.
     is_moving: bool,
-    /// What was on show before, until it is taken.
+    /// The picture that was on show before, until it is taken.
     replaced: Option<DisplayFrame>,
     still: Option<ShownStill>,
 }
 
-/// A picture that no farm has traced: it stays until a finer one is there, or until something moves.
+/// The opening still, which stays until a finer picture arrives or something moves.
 #[derive(Debug)]
 struct ShownStill {
     pixels: usize,
     poses: Vec<ObjectPose>,
-    /// When something was looked at first, the balls as in the picture.
+    /// Time of the first target, in seconds.
     since_secs: Option<f64>,
 }
 
@@ -40,7 +40,7 @@ impl ShownFrame {
         self.replaced.take()
     }
 
-    /// A picture with the next serial number.
+    /// Creates a picture with the next serial number.
     pub(super) fn picture(
         &mut self,
         size: ImageSize,
@@ -56,13 +56,13 @@ impl ShownFrame {
         }
     }
 
-    /// Shows a picture of a view that moves.
+    /// Shows a picture of a moving view.
     pub(super) fn replace(&mut self, picture: DisplayFrame) {
         self.replaced = self.frame.replace(picture);
         self.is_moving = true;
     }
 
-    /// Shows a picture of a view at rest, which the still is not finer than.
+    /// Shows a picture of a view at rest, in place of the still.
     pub(super) fn refine(&mut self, picture: DisplayFrame) {
         self.still = None;
         self.replace(picture);
@@ -80,13 +80,14 @@ impl ShownFrame {
         self.still = Some(shown);
     }
 
-    /// Whether a draft of this size would be coarser than the still, which shows the same.
+    /// Whether a draft of this size would be coarser than the still of the same view.
     pub(super) fn keeps_still(&self, size: ImageSize) -> bool {
         let still = self.still.as_ref();
         still.is_some_and(|still| still.since_secs.is_some() && size.pixels() < still.pixels)
     }
 
-    /// Gives the still up once something else is looked at, none being a shot.
+    /// Drops the still once the target differs from it: other poses, a shot (`None`), or a change later than
+    /// [`SETTLE_SECS`].
     pub(super) fn look(&mut self, now_secs: f64, view: Option<&SceneUpdate>) {
         self.still.take_if(|still| {
             let since_secs = *still.since_secs.get_or_insert(now_secs);
@@ -96,5 +97,6 @@ impl ShownFrame {
     }
 }
 
-/// The window's first panels move the camera that much later still, without the player's doing.
+/// Time after the first target, in seconds, in which layout of the window's panels may still move the camera
+/// without the player's action.
 pub(super) const SETTLE_SECS: f64 = 0.5;

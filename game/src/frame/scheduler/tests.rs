@@ -113,7 +113,7 @@ impl TestBench {
         let busy_secs = 0.001 + paths / self.paths_per_sec;
         let done = self.free_at_secs.max(arrived) + busy_secs;
         self.free_at_secs = done;
-        // Pictures come in request.
+        // Frames arrive in the order of requests.
         let before = self.waiting.back().map_or(0.0, |(done, _)| *done);
         let done = before.max(done + self.way_secs());
         self.next_id += 1;
@@ -294,7 +294,7 @@ fn while_the_hand_moves_drafts_keep_coming() {
     );
 }
 
-/// Of frame `id`, all of one value, with the left half missing or not.
+/// Frame `id` with pixels of one value, whose left half may be missing.
 fn frame(id: u64, value: u8, missing: bool) -> Frame {
     let left = Tile {
         x: 0,

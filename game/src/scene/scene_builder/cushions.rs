@@ -1,4 +1,4 @@
-//! The table's bed, rails and cushions.
+//! Bed, rails and cushions of the table.
 
 use carom_billiards::physics::{Circle, Cushion, Table};
 use carom_tracer::{Axis, CsgSolid, Shape, Subtraction};
@@ -9,7 +9,7 @@ use super::pockets::trimmed;
 use super::{APRON_M, POCKET_DEPTH_M, SceneBuilder, around, beyond, corners, subtraction};
 
 impl SceneBuilder {
-    /// The slate under its cloth, with the pockets' holes.
+    /// Adds the slate under its cloth, with the pockets' holes.
     pub(super) fn bed(&mut self, table: &Table) {
         let inside = self.frame.inside;
         let subtractions = bores(table).collect();
@@ -21,7 +21,7 @@ impl SceneBuilder {
         self.add("bed", "cloth", shape);
     }
 
-    /// The wooden frame of four boxes, which few rays meet: bevelled outside, bored for the pockets.
+    /// Adds the wooden frame as four boxes, bevelled outside and bored for the pockets.
     pub(super) fn rails(&mut self, table: &Table) {
         let (inside, outer) = (self.frame.inside, self.frame.outer);
         let top = self.frame.rail_height;
@@ -45,8 +45,8 @@ impl SceneBuilder {
         }
     }
 
-    /// A cushion between two facings, with a round nose from which it rises to the rail and is under-cut;
-    /// its tips are rounded as balls meet them.
+    /// Adds a cushion between two facings, with a round nose, a top that rises to the rail, and an undercut;
+    /// its tips are rounded like the jaws of the simulation.
     pub(super) fn cushion(&mut self, table: &Table, cushion: &Cushion) {
         let [a, b, c, d] = cushion.corners.map(|corner| corner.as_vec2());
         let normal = table.noses()[cushion.nose].normal().as_vec2();
@@ -68,7 +68,7 @@ impl SceneBuilder {
         self.add(format!("cushion{}", cushion.nose), "cushion cloth", shape);
     }
 
-    /// What the rails leave open: cloth and cushions.
+    /// Subtraction of the opening between the rails, which has cloth and cushions.
     pub(super) fn opening(&self) -> Subtraction {
         let inside = self.frame.inside;
         subtraction(CsgSolid::Box {
@@ -83,35 +83,37 @@ impl SceneBuilder {
 /// ```text
 ///         top __.-- rail
 ///       __.--       |
-///      (o           |    o: the middle of the nose
+///      (o           |    o: the centre of the nose
 ///       \\          |
 ///        \\_________|
 /// ```
 struct Profile {
-    /// Of the nose, where balls that touch the nose line of the simulation touch it.
+    /// Centre of the nose, placed so that balls touch it when they touch the simulation's nose line.
     middle: Vec2,
-    /// Out of the top and of the under-cut side, both tangents of the nose.
+    /// Outward normals of the top and of the undercut side, which are tangents of the nose.
     normals: [Vec2; 2],
 }
 
 impl Profile {
-    /// Of a cushion that rises to `rail_height` over `depth`.
+    /// The profile of a cushion that rises to `rail_height` over `depth`.
     fn new(table: &Table, rail_height: f32, depth: f32) -> Self {
         let height = table.nose_height_m() as f32;
         let radius = table.ball().radius_m as f32;
+        // Horizontal distance from a ball's centre to a point at the nose's height that is `distance` away:
+        // the surface of a ball and the nose's centre, when they touch.
         let behind = |distance: f32| (distance * distance - (height - radius).powi(2)).sqrt();
         let middle = Vec2::new(behind(radius + NOSE_RADIUS_M) - behind(radius), height);
         Self {
             middle,
             normals: [
-                // From the rail forwards the nose lies below the tangent, and from the foot up behind it.
+                // The tangent from the rail touches the nose from above, that from the foot from the front.
                 tangent_normal(Vec2::new(depth, rail_height), middle, 1.0),
                 tangent_normal(Vec2::new(UNDERCUT_M, 0.0), middle, -1.0),
             ],
         }
     }
 
-    /// What is taken off a block whose nose line begins at `from`, with a `normal` out of the cushion.
+    /// Subtractions from a block whose nose line begins at `from`, with a `normal` out of the cushion.
     fn cuts(&self, from: Vec2, normal: Vec2) -> [Subtraction; 3] {
         let at = |v: Vec2| (-normal * v.x).extend(v.y);
         let center = from.extend(0.0) + at(self.middle);
@@ -135,8 +137,8 @@ impl Profile {
     }
 }
 
-/// The normal, towards the cloth's middle, of the line from a point to where it touches the nose: on its
-/// upper or, with `sign` −1, its lower side.
+/// The outward normal of the tangent from a point to the nose, on its upper or, with `sign` −1, its lower
+/// side.
 fn tangent_normal(from: Vec2, middle: Vec2, sign: f32) -> Vec2 {
     let to = middle - from;
     let sin = NOSE_RADIUS_M / to.length();
@@ -145,7 +147,7 @@ fn tangent_normal(from: Vec2, middle: Vec2, sign: f32) -> Vec2 {
     across * (1.0 - sin * sin).max(0.0).sqrt() - along * sin
 }
 
-/// Whether a subtraction takes something from a box.
+/// Whether a subtraction may intersect a box.
 fn reaches(cut: &Subtraction, min: Vec3, max: Vec3) -> bool {
     match cut.solid {
         CsgSolid::Cylinder { center, radius } => {
@@ -160,10 +162,11 @@ fn reaches(cut: &Subtraction, min: Vec3, max: Vec3) -> bool {
     }
 }
 
-/// The tip of a cushion outside its jaw.
+/// Subtraction of the tip of a cushion outside its jaw.
 pub(super) fn rounding(tip: DVec2, jaw: Circle) -> Subtraction {
     let out = tip - jaw.center;
-    // As far out as the jaw touches the sides that meet in the tip.
+    // The chord between the points where the jaw touches the two sides that meet in the tip: the polar line
+    // of the tip is at r²/|out| from the jaw's centre.
     let beyond = out * (jaw.radius_m * jaw.radius_m / out.length_squared());
     subtraction(CsgSolid::ConeExterior {
         axis: Axis::Z,
@@ -175,7 +178,7 @@ pub(super) fn rounding(tip: DVec2, jaw: Circle) -> Subtraction {
 }
 
 const BEVEL_M: f32 = 0.012;
-/// Of a nose, under its cloth.
+/// Radius of a nose.
 const NOSE_RADIUS_M: f32 = 0.003;
-/// How far the foot of a cushion stands behind its nose.
+/// Distance of a cushion's foot behind its nose line.
 const UNDERCUT_M: f32 = 0.016;

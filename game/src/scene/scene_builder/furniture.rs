@@ -1,4 +1,4 @@
-//! The furniture at the far end of the room, beyond the foot of the table, where the player looks.
+//! Furniture at the far end of the room, beyond the foot of the table, which the player sees.
 
 use carom_tracer::{Axis, CsgSolid, Shape, Subtraction};
 use glam::{DVec3, Quat, Vec2, Vec3};
@@ -9,8 +9,8 @@ use crate::scene::cue_stick::{CUE_LENGTH_M, CUE_NAME, CuePose};
 use crate::scene::scoreboard::HAND_NAME;
 
 impl SceneBuilder {
-    /// A bench, a rack of cues, a bar table with stools, a scoreboard, and the bars of a window, whose light is
-    /// [`super::room::window`].
+    /// Adds a bench, a rack of cues, a bar table with stools, a scoreboard, and the bars of a window, whose
+    /// light is [`super::room::window`].
     pub(super) fn far_end(&mut self) {
         let wall_x = self.frame.outer.x + ROOM_MARGIN_M - PANELLING_M;
         self.wainscot(wall_x);
@@ -27,7 +27,7 @@ impl SceneBuilder {
         }
     }
 
-    /// A skirting below the panelling, a chair rail on top, and a window sill.
+    /// Adds a skirting board below the panelling, a chair rail on top, and a window sill.
     fn wainscot(&mut self, wall_x: f32) {
         let (floor, half_y) = (self.frame.floor, self.frame.outer.y + ROOM_MARGIN_M);
         let top = floor + PANEL_HEIGHT_M;
@@ -49,7 +49,7 @@ impl SceneBuilder {
         }
     }
 
-    /// Boards round the window, which stands on its sill.
+    /// Adds boards around the window, which stands on its sill.
     fn casing(&mut self, wall_x: f32) {
         let (center, half) = WINDOW_M;
         let (low, high) = (center - half, center + half);
@@ -70,7 +70,7 @@ impl SceneBuilder {
         }
     }
 
-    /// Three seats with backs on a plinth.
+    /// Adds three seats with backs on a plinth.
     fn bench(&mut self, wall_x: f32) {
         let [first_y, last_y] = BENCH_Y_M;
         let [plinth, seat, back] = [0.24, 0.46, 0.94].map(|height| self.frame.floor + height);
@@ -87,7 +87,7 @@ impl SceneBuilder {
         }
     }
 
-    /// Four cues on the wall.
+    /// Adds four cues on the wall.
     fn cue_rack(&mut self, wall_x: f32) {
         let floor = self.frame.floor;
         let half = Vec2::new(0.27, 0.62);
@@ -104,7 +104,7 @@ impl SceneBuilder {
         }
     }
 
-    /// Two dials with scores and a clock, on the wall over the bench.
+    /// Adds the scoreboard, on the wall over the bench.
     fn scoreboard(&mut self) {
         let scoreboard = self.frame.scoreboard();
         self.add("scoreboard", "scoreboard", scoreboard.shape());
@@ -113,7 +113,7 @@ impl SceneBuilder {
         }
     }
 
-    /// A round table on a post, and two stools.
+    /// Adds a round table on a post, and two stools.
     fn bar_table(&mut self, wall_x: f32) {
         let (x, floor) = (wall_x - 0.85, self.frame.floor);
         let foot = Vec3::new(x, BAR_TABLE_Y_M, floor);
@@ -140,7 +140,7 @@ impl SceneBuilder {
         }
     }
 
-    /// A round slab under a point.
+    /// Adds a round slab below a point.
     fn disc_slab(&mut self, name: &str, material: &str, top: Vec3, radius: f32, thickness: f32) {
         let half = Vec3::new(radius, radius, 0.0);
         let rim = CsgSolid::ConeExterior {
@@ -163,8 +163,8 @@ impl SceneBuilder {
     }
 }
 
-/// Three cushions side by side against a wall at +x, whose other edges are round where they are seen. One box for each would
-/// cost every ray four tests more.
+/// Three cushions side by side against a wall at +x, with rounded edges where they are visible. As three
+/// boxes rather than one, they would cost every ray four intersection tests more.
 fn upholstered(min: Vec3, max: Vec3) -> Shape {
     let edge = |axis, aside: Vec3| {
         let corner = Vec3::select(aside.cmplt(Vec3::ZERO), min, max);
@@ -191,22 +191,22 @@ fn upholstered(min: Vec3, max: Vec3) -> Shape {
     }
 }
 
-/// What is outside of a rounded edge along an axis through `center`; `aside` points to the edge.
+/// Subtraction of the outside of a rounded edge along an axis through `center`; `aside` points to the edge.
 fn rounding(axis: Axis, center: Vec3, aside: Vec3) -> Subtraction {
     subtraction(CsgSolid::ConeExterior {
         axis,
         center,
         radius: CUSHION_RADIUS_M,
         taper: 0.0,
-        // The plane through the two lines where the round meets the faces.
+        // The plane through the two lines where the rounding meets the faces.
         beyond: 0.5 * CUSHION_RADIUS_M * aside,
     })
 }
 
-/// How far the panelling stands before the wall.
+/// Depth of the panelling in front of the wall.
 const PANELLING_M: f32 = 0.05;
 const BENCH_Y_M: [f32; 2] = [-0.8, 1.9];
-/// Width of the boards round a window.
+/// Width of the boards around a window.
 const CASING_M: f32 = 0.09;
 const CUSHION_RADIUS_M: f32 = 0.045;
 /// Half the gap between two cushions of the bench.

@@ -61,7 +61,7 @@ pub(super) fn materials(
     named.chain(balls).collect()
 }
 
-/// What is the same in every room.
+/// Materials that are the same in every room, by name.
 fn furniture() -> Vec<(&'static str, Material)> {
     let soft = |albedo: Vec3, sheen| Material::Cloth {
         albedo,
@@ -127,7 +127,7 @@ fn cloth(albedo: Vec3, marks: Option<ClothMarks>) -> Material {
     }
 }
 
-/// The lines and spots of a game's table. On a table without pockets there is no line.
+/// Lines and spots on the table of a game. A table without pockets has no line.
 fn marks(table: &Table, rules: RuleSet) -> ClothMarks {
     let layout = table_layout(table);
     let foot_x = layout.foot_spot().x as f32;
@@ -153,7 +153,7 @@ fn marks(table: &Table, rules: RuleSet) -> ClothMarks {
     }
 }
 
-/// Mitred rails; snooker's have no diamonds.
+/// Sights on mitred rails; snooker's rails have none.
 fn sights(frame: &TableMeasures, table: &Table, rules: RuleSet) -> Sights {
     let middle = 0.5 * (frame.inside + frame.outer);
     let spacing = (0.125 * table.length_m()) as f32;
@@ -168,7 +168,7 @@ fn sights(frame: &TableMeasures, table: &Table, rules: RuleSet) -> Sights {
     }
 }
 
-/// Without a coat.
+/// A texture without a coating.
 fn matt(texture: ProceduralTexture) -> Material {
     Material::Coated {
         ior: 1.0,
@@ -185,7 +185,7 @@ struct Wood {
 }
 
 impl Wood {
-    /// Under a satin varnish.
+    /// The wood under a satin varnish.
     fn varnished(&self, grain: Axis, sights: Option<Sights>) -> Material {
         Material::Coated {
             ior: VARNISH_IOR,

@@ -1,7 +1,7 @@
-//! The builder of the scene: the table of the simulation in a room with lamps, floor and walls.
+//! Builder of the scene: the simulated table in a room with lamps, floor and walls.
 //!
-//! Everything is made from the table's own numbers, so that a ball meets what the picture shows.
-//! Lengths are in metres, the cloth's level is z = 0.
+//! All geometry of the table is derived from the simulation's dimensions, so that balls meet what the
+//! picture shows. Lengths are in metres, the cloth is at z = 0.
 
 mod cushions;
 mod furniture;
@@ -25,13 +25,13 @@ use self::room::window;
 use crate::scene::scoreboard::Scoreboard;
 use crate::scene::table_style::TableStyle;
 
-/// The exposure that the room's area lights are set for.
+/// Exposure for which the room's area lights are set.
 pub const EXPOSURE: f32 = 1.0;
 
-/// Horizontal field of view of the room's camera, and of the game's views at first, degrees.
+/// Default horizontal field of view of the cameras, degrees.
 pub const FOV_X_DEG: f64 = 44.0;
 
-/// The room round `table`, whose balls are those of a game and of `style`, as the game's scene.
+/// The scene of a room around `table`, with the balls of a game and the look of `style`.
 pub fn room(table: &Table, rules: RuleSet, style: TableStyle) -> Scene {
     let mut room = SceneBuilder {
         frame: TableMeasures::of(table),
@@ -72,7 +72,7 @@ pub fn room(table: &Table, rules: RuleSet, style: TableStyle) -> Scene {
     }
 }
 
-/// The main measures of a table.
+/// Main dimensions of a table.
 struct TableMeasures {
     /// Half the length and width between the cushions' backs.
     inside: Vec2,
@@ -80,7 +80,7 @@ struct TableMeasures {
     outer: Vec2,
     rail_height: f32,
     floor: f32,
-    /// Its length over that of a nine-foot table.
+    /// Length over that of a nine-foot table.
     scale: f32,
 }
 
@@ -104,7 +104,7 @@ impl TableMeasures {
         LAMP_HALF_M * Vec2::new(self.scale, 1.0)
     }
 
-    /// On the far wall, over the bench.
+    /// The scoreboard on the far wall, over the bench.
     fn scoreboard(&self) -> Scoreboard {
         let wall_x = self.outer.x + room::ROOM_MARGIN_M;
         Scoreboard {
@@ -131,7 +131,8 @@ impl SceneBuilder {
         });
     }
 
-    /// At rest where a rack would be, each with its number towards the player, and the cue behind its ball.
+    /// Adds the balls in their rack, each with its number towards the player, and the cue behind the cue
+    /// ball.
     fn balls(&mut self, table: &Table, rules: RuleSet) {
         let racked = rules::rack(rules, &table_layout(table), 1);
         let racked: BTreeMap<u8, DVec2> = racked.into_iter().map(|p| (p.ball, p.at)).collect();
@@ -157,7 +158,7 @@ fn corners() -> impl Iterator<Item = Vec2> {
         .map(Vec2::from)
 }
 
-/// Four boxes between two rectangles round the table's middle, as their smallest and largest corners.
+/// Four boxes between two rectangles around the table's centre, as their least and greatest corners.
 fn around(inner: Vec2, outer: Vec2) -> [(Vec2, Vec2); 4] {
     [
         (-outer, Vec2::new(outer.x, -inner.y)),
@@ -174,6 +175,7 @@ fn subtraction(solid: CsgSolid) -> Subtraction {
     }
 }
 
+/// Subtraction of the half-space on the side of a plane to which its normal points.
 fn beyond(point: Vec3, normal: Vec3) -> Subtraction {
     subtraction(CsgSolid::HalfSpace { point, normal })
 }
@@ -183,22 +185,22 @@ pub fn scoreboard(table: &Table) -> Scoreboard {
     TableMeasures::of(table).scoreboard()
 }
 
-/// The middle of the clock: before the far wall, towards +y, over the floor.
+/// Centre of the clock: distance from the far wall, y, and height above the floor.
 const SCOREBOARD_M: Vec3 = Vec3::new(0.035, 0.55, 1.25);
-/// Where tables without rails of their own get some.
+/// Widths of cushions and rails of tables that define none.
 const CUSHION_M: f64 = 0.05;
 const RAIL_M: f64 = 0.18;
-/// From the cloth down to the floor of the pockets.
+/// Depth of the pockets' floor below the cloth.
 pub(super) const POCKET_DEPTH_M: f32 = 0.165;
-/// How far the frame reaches below the cloth.
+/// Height of the frame below the cloth.
 const APRON_M: f32 = 0.17;
-/// The lamp, and where the first picture is taken from, are laid out for this length.
+/// Length of the table for which the lamp and the default camera are laid out.
 const NINE_FOOT_M: f64 = 2.54;
-/// Half the extent of the lamp of a table of nine feet.
+/// Half the extent of the lamp of a nine-foot table.
 const LAMP_HALF_M: Vec2 = Vec2::new(1.02, 0.18);
 const SHADE_RIM_M: f32 = 0.03;
-/// A lamp's diffuser lies so far below the underside of its shade. A rim below it would be a bright
-/// surface that light sampling does not aim at: at 2 cm it makes two thirds of the room's squared
-/// error at 16 samples (relMSE 2.0e-3 against 5.9e-4, `carom-tracer`'s example `noise`).
+/// Distance of a lamp's diffuser below the underside of its shade. A rim that extends below the diffuser
+/// would be a bright surface that light sampling does not sample: at 2 cm it causes two thirds of the
+/// room's squared error at 16 samples (relMSE 2.0e-3 against 5.9e-4, `carom-tracer`'s example `noise`).
 const LAMP_GAP_M: f32 = 0.001;
 const SHADE_HEIGHT_M: f32 = 0.15;

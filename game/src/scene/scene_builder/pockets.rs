@@ -1,4 +1,4 @@
-//! The pockets: their holes and the leather round them.
+//! Pockets: their holes and leather collars.
 
 use carom_billiards::physics::Table;
 use carom_tracer::{Axis, CsgSolid, Shape, Subtraction};
@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use super::{SceneBuilder, beyond, subtraction};
 
 impl SceneBuilder {
-    /// A leather collar with a bevelled rim round each pocket, on the wood.
+    /// Adds a leather collar with a bevelled rim around each pocket, on the wood.
     pub(super) fn collars(&mut self, table: &Table) {
         let holes: Vec<Subtraction> = bores(table).collect();
         for (index, (pocket, bore)) in table.pockets().iter().zip(holes).enumerate() {
@@ -31,7 +31,7 @@ impl SceneBuilder {
     }
 }
 
-/// The pockets' holes, lined with leather.
+/// Subtractions of the pockets' holes, lined with leather.
 pub(super) fn bores(table: &Table) -> impl Iterator<Item = Subtraction> + '_ {
     table.pockets().iter().map(|pocket| Subtraction {
         solid: CsgSolid::Cylinder {
@@ -42,14 +42,14 @@ pub(super) fn bores(table: &Table) -> impl Iterator<Item = Subtraction> + '_ {
     })
 }
 
-/// The upright edge at a corner of the table, cut off.
+/// Subtraction of the vertical edge at a corner of the table.
 pub(super) fn trimmed(corner: Vec2, outer: Vec2) -> Subtraction {
     let point = corner * outer - corner * Vec2::new(TRIM_M, 0.0);
     beyond(point.extend(0.0), corner.extend(0.0))
 }
 
-/// Cut off each corner of the table, along the rail.
+/// Length along the rail cut off each corner of the table.
 const TRIM_M: f32 = 0.07;
 const COLLAR_WIDTH_M: f32 = 0.026;
-/// How much a collar stands out over the wood.
+/// Height of a collar above the wood.
 const COLLAR_HEIGHT_M: f32 = 0.005;

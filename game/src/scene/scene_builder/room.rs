@@ -1,4 +1,4 @@
-//! The room round the table: stand, lampshade, walls, and what stands there.
+//! The room around the table: stand, lampshade, walls, prints and window.
 
 use carom_billiards::physics::Table;
 use carom_tracer::{AreaLight, Camera, ProceduralTexture, Shape};
@@ -12,8 +12,9 @@ use super::{
     around, beyond, corners,
 };
 
-/// The camera without the lamp before it, if its eye is above all that players look from, where a near plane can lie behind all
-/// of the lamp and before all of the table: in steep views. From aside, above the lamp, that is seen as it hangs.
+/// The camera with a near plane that hides the lamp, if its eye is above all players' views and a plane
+/// fits between the whole lamp and the whole table, as in steep views. Otherwise the camera is unchanged,
+/// and a view from above and aside shows the lamp.
 pub fn below_lamp(table: &Table, camera: Camera) -> Camera {
     if f64::from(camera.eye.z) <= EYE_Z_M_MAX + ROUNDING_M {
         return camera;
@@ -23,6 +24,8 @@ pub fn below_lamp(table: &Table, camera: Camera) -> Camera {
     let depths = |half: Vec2, z: f32| {
         corners().map(move |corner| forward.dot((corner * half).extend(z) - camera.eye))
     };
+    // Depths along the view direction: the near plane must be behind all corners of the lamp and before all
+    // of the table.
     let lamp = depths(frame.lamp_half() + SHADE_RIM_M, LAMP_Z_M).fold(0.0, f32::max);
     let table = depths(frame.outer, frame.rail_height).fold(f32::INFINITY, f32::min);
     let near_m = lamp + LAMP_CLEARANCE_M;
@@ -33,7 +36,7 @@ pub fn below_lamp(table: &Table, camera: Camera) -> Camera {
 }
 
 impl SceneBuilder {
-    /// The pockets' floor, and legs.
+    /// Adds the pockets' floor, and legs.
     pub(super) fn stand(&mut self, table: &Table) {
         let (inside, outer, floor) = (self.frame.inside, self.frame.outer, self.frame.floor);
         let reach = table.pockets().first().map_or(0.0, |p| p.radius_m as f32);
@@ -59,7 +62,7 @@ impl SceneBuilder {
         }
     }
 
-    /// An enamelled shade over the lamp, hung from the ceiling.
+    /// Adds an enamelled shade over the lamp, hung from the ceiling.
     pub(super) fn lampshade(&mut self) {
         let center = LAMP_Z_M * Vec3::Z;
         let half = self.frame.lamp_half() + SHADE_RIM_M;
@@ -96,7 +99,8 @@ impl SceneBuilder {
         }
     }
 
-    /// Floor, carpet, panelled walls with prints, and no ceiling: the environment comes in there.
+    /// Adds floor, carpet and panelled walls with prints. There is no ceiling, so that the environment
+    /// lights the room.
     pub(super) fn walls(&mut self) {
         let (outer, floor) = (self.frame.outer, self.frame.floor);
         let half = outer + ROOM_MARGIN_M;
@@ -125,13 +129,13 @@ impl SceneBuilder {
         }
     }
 
-    /// The cue, aimed along the table at the cue ball.
+    /// Adds the cue, aimed along the table at the cue ball.
     pub(super) fn cue(&mut self, cue_ball: DVec3, radius_m: f64) {
         let pose = CuePose::aimed(cue_ball, radius_m, 0.0);
         self.add(CUE_NAME, CUE_NAME, pose.shape());
     }
 
-    /// Four walls of a thickness round a rectangle, from the floor to `top`.
+    /// Adds four walls of a thickness around a rectangle, from the floor to `top`.
     pub(super) fn ring(
         &mut self,
         name: &str,
@@ -152,10 +156,10 @@ impl SceneBuilder {
 
 /// A framed print on a wall.
 pub(super) struct Print {
-    /// Its material.
+    /// Name of its material.
     pub(super) name: &'static str,
     center: Vec3,
-    /// Half its extent.
+    /// Half of its extent.
     half: Vec3,
     sky: Vec3,
     hills: Vec3,
@@ -179,7 +183,7 @@ impl Print {
     }
 }
 
-/// One on each wall beside the table, and one on the wall behind its head.
+/// The prints: one on each wall beside the table, and one on the wall behind its head.
 pub(super) fn prints(frame: &TableMeasures) -> [Print; 3] {
     let walls = frame.outer + ROOM_MARGIN_M;
     let z = frame.floor + PRINT_HEIGHT_M;
@@ -217,7 +221,7 @@ pub(super) fn prints(frame: &TableMeasures) -> [Print; 3] {
     ]
 }
 
-/// An evening sky in the far wall.
+/// Area light of the window in the far wall, an evening sky.
 pub(super) fn window(outer: Vec2) -> AreaLight {
     let (center, half) = WINDOW_M;
     AreaLight {
@@ -230,31 +234,31 @@ pub(super) fn window(outer: Vec2) -> AreaLight {
     }
 }
 
-/// The lamp hangs so high over the cloth.
+/// Height of the lamp above the cloth.
 const LAMP_Z_M: f32 = 1.0;
-/// From the lamp to a near plane behind it.
+/// Distance from the lamp to a near plane behind it.
 const LAMP_CLEARANCE_M: f32 = 0.01;
-/// Of an eye at the greatest height below the lamp.
+/// Tolerance for rounding of an eye at the greatest height below the lamp.
 const ROUNDING_M: f64 = 1e-3;
 const LEG_INSET_M: f32 = 0.2;
 const LEG_HALF_M: f32 = 0.08;
-/// How much a leg narrows, over its height.
+/// Decrease of a leg's width over its height.
 const LEG_TAPER: f32 = 0.05;
 /// Rise of a shade's sides over their run.
 const SHADE_SLOPE: f32 = 0.9;
-/// From the table to the walls: more than the player's farthest eye.
+/// Distance from the table to the walls, beyond the farthest eye of the player's views.
 pub(super) const ROOM_MARGIN_M: f32 = 5.2;
 const ROOM_HEIGHT_M: f32 = 2.4;
-/// From the floor to the middle of a print.
+/// Height of a print's centre above the floor.
 const PRINT_HEIGHT_M: f32 = 1.62;
 /// Half the height of a print.
 const PRINT_HALF_M: f32 = 0.44;
-/// Half its width over that.
+/// Width of a print over its height.
 const PRINT_WIDTH: f32 = 1.5;
-/// How far it stands out of the wall.
+/// Depth of a print in front of the wall.
 const PRINT_DEPTH_M: f32 = 0.03;
-/// From a shade up to where it hangs, which is the walls' height.
+/// Length of the rod from a shade up to the walls' height.
 const ROD_M: f32 = ROOM_HEIGHT_M - 1.15;
 pub(super) const PANEL_HEIGHT_M: f32 = 1.04;
-/// Middle and half the extent of the window in the far wall, as y and z.
+/// Centre and half the extent of the window in the far wall, as y and z.
 pub(super) const WINDOW_M: (Vec2, Vec2) = (Vec2::new(-2.1, 0.98), Vec2::new(0.85, 0.62));

@@ -1,7 +1,7 @@
-// Choice of the next substep, by the rules of `simulation.rs`: sound crosses no more cells than the Courant
-// number, and nothing crosses half a cell.
+// Choice of the next substep by the rules of `simulation.rs`: sound travels at most the Courant number of
+// cells, and particles and balls at most half a cell.
 
-// Plans the next substep, or none if the time is over or particles must be put in order first.
+// Plans the next substep, or none if no time is left or particles must be sorted first.
 fn plan(before: Control) -> Control {
     var c = before;
     c.scatter = 0u;
@@ -26,14 +26,15 @@ fn plan(before: Control) -> Control {
     c.travelled += travel;
     c.group_left -= 1u;
     c.scatter = 1u;
-    // A power of two, so that scaling is exact. A sum holds 16 times the nominal mass at this speed; a substep's
-    // stress adds a part of the speed of sound as large as strain.
+    // A power of two, so that scaling is exact. An i32 holds 16 times the nominal mass at the speed
+    // `bound`. Its second term is for stress, which changes velocities by about the speed of sound times
+    // the strain.
     let bound = c.speed + 0.125 * c.sound;
     c.momentum_scale = params.mass_scale * exp2(-ceil(log2(bound)));
     return c;
 }
 
-// Takes note of a substep that ended, and plans the next.
+// Updates the state after a substep with the speeds found in it, and plans the next.
 fn next_substep(before: Control, speed: f32, sound: f32) -> Control {
     var c = before;
     if (c.scatter == 0u) {

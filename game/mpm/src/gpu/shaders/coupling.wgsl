@@ -1,10 +1,12 @@
-// Two-way coupling of balls: one workgroup resolves the contacts of each ball with the nodes that touch it, moves the
-// balls, and plans the next substep.
+// Two-way coupling of balls: one workgroup resolves the contacts of each ball with the nodes whose
+// particles touch it, moves the balls, and plans the next substep.
 //
-// Node i that touches a ball gets the impulse `J = m (s − u)` that makes it move as the surface, s, if that pushes and
-// Coulomb's cone allows it; else the impulse of the cone. The ball's velocity and spin y solve
-// `D (y − y₀) + Σ Gᵀ J(G y) = 0`, G the surface's velocity, D the ball's masses: what the sequential impulses of
-// `coupling.rs` converge to. Newton's method, as J is linear in pieces; sums in a fixed order.
+// A node of mass m and velocity u in contact gets the impulse `J = m (s − u)` that gives it the velocity s
+// of the ball's surface, if J pushes and lies within Coulomb's cone; otherwise the impulse on the cone. The
+// ball's velocity and spin y solve `D (y − y₀) + Σ Gᵀ J(G y) = 0`, with G y the surface's velocity at a
+// node and D the ball's mass matrix. This is the fixed point of the sequential impulses of `coupling.rs`.
+// Newton's method solves it in few rounds, as J is nearly piecewise linear; sums are in a fixed order, so
+// that the bits are reproducible.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> control: Control;
@@ -16,26 +18,26 @@
 
 const LANES: u32 = 128u;
 
-// Components of a residual and of the upper half of its derivative.
+// Sums of a Newton step: 6 of the residual and 21 of the upper triangle of its symmetric 6x6 derivative.
 const TERMS: u32 = 27u;
 const ROUNDS_MAX: u32 = 12u;
 
-// Terms of each lane, a row each.
+// Partial sums: LANES rows of TERMS numbers.
 var<workgroup> rows: array<f32, 3456>;
-// Sums of a quarter of the lanes.
+// Sums over each quarter of the lanes.
 var<workgroup> quarters: array<f32, 108>;
 var<workgroup> totals: array<f32, 27>;
-// Velocity and spin of the ball under way.
+// Velocity and spin (angular velocity times radius) of the ball being solved, in m/s.
 var<workgroup> linear: vec3<f32>;
 var<workgroup> spin: vec3<f32>;
 var<workgroup> is_solved: u32;
 var<workgroup> touched: u32;
 
 struct Contact {
-    // On the node, in kg·m/s.
+    // Impulse on the node, in kg·m/s.
     impulse: vec3<f32>,
-    // Derivative by the surface's velocity, but for the part of a slipping node's normal direction that turns
-    // friction, which would not be symmetric.
+    // Derivative of the impulse by the surface's velocity, without the dependence of friction on the normal
+    // impulse of slipping nodes, which would make it unsymmetric.
     derivative: mat3x3<f32>,
     is_pushed: bool,
 }
@@ -43,13 +45,13 @@ struct Contact {
 struct Found {
     node: u32,
     at: vec3<f32>,
-    // From the ball's centre, over its radius.
+    // From the ball's centre to the node, over the radius.
     arm: vec3<f32>,
-    // Velocity and mass.
+    // Velocity in m/s and mass in kg.
     velocity: vec4<f32>,
-    // Away from the ball.
+    // Unit normal, away from the ball.
     normal: vec3<f32>,
-    // Speed at which they part if they overlap, in m/s.
+    // Normal speed at which an overlap is separated, in m/s.
     parting: f32,
     is_touching: bool,
 }
@@ -58,12 +60,12 @@ fn outer(a: vec3<f32>, b: vec3<f32>) -> mat3x3<f32> {
     return mat3x3(a * b.x, a * b.y, a * b.z);
 }
 
-// The matrix of a cross product from the left.
+// Skew-symmetric matrix of the cross product with `a` from the left.
 fn cross_matrix(a: vec3<f32>) -> mat3x3<f32> {
     return mat3x3(vec3(0.0, a.z, -a.y), vec3(-a.z, 0.0, a.x), vec3(a.y, -a.x, 0.0));
 }
 
-// Of a found node at a velocity of the ball.
+// Contact of a node with a ball of velocity `v` and spin `w`.
 fn contact(found: Found, friction: f32, v: vec3<f32>, w: vec3<f32>) -> Contact {
     let normal = found.normal;
     let relative = found.velocity.xyz - v - cross(w, found.arm);
@@ -80,6 +82,8 @@ fn contact(found: Found, friction: f32, v: vec3<f32>, w: vec3<f32>) -> Contact {
     if (mass * slip_speed <= friction * push) {
         return Contact(-mass * (relative - normal * found.parting), identity * mass, true);
     }
+    // On the cone, the derivative along the slip is 0, and across it friction turns with the slip:
+    // μ·push/|slip|.
     let along = slip / slip_speed;
     let drag = friction * push;
     let across = identity - outer(normal, normal) - outer(along, along);
@@ -87,7 +91,7 @@ fn contact(found: Found, friction: f32, v: vec3<f32>, w: vec3<f32>) -> Contact {
     return Contact(normal * push - along * drag, derivative, true);
 }
 
-// Whether a node is nearer to another touched ball's surface.
+// Whether a node is nearer to the surface of another touched ball; equal distances go to the lower index.
 fn is_others(ball: u32, at: vec3<f32>, depth: f32) -> bool {
     for (var other = 0u; other < params.balls; other++) {
         if (other == ball || (touched >> other & 1u) == 0u) {
@@ -101,11 +105,11 @@ fn is_others(ball: u32, at: vec3<f32>, depth: f32) -> bool {
     return false;
 }
 
-// From a ball's surface to the farthest node of a particle that touches it, in cells: its extent and a cell of nearing,
-// and the reach of its kernel.
+// Largest distance from a ball's surface of a node of a particle that touches it, in cells: the particle's
+// extent, its approach of at most a cell, and the reach of its kernel.
 const TOUCH_REACH_CELLS: f32 = 3.0;
 
-// The nodes in the box around a ball: first corner, and how many along each axis.
+// The first node of the box of nodes around a ball, and below the number of nodes along each axis.
 fn corner(ball: u32) -> vec3<i32> {
     let reach = balls[ball].radius + TOUCH_REACH_CELLS;
     let low = vec3<i32>(ceil(balls[ball].position + balls[ball].moved - reach));
@@ -165,7 +169,8 @@ fn sum_rows(lane: u32) {
     workgroupBarrier();
 }
 
-// Residual and derivative at the present velocity and spin, summed over a lane's nodes, as its row.
+// Sums the contact terms of the residual and derivative at the present velocity and spin over a lane's
+// nodes into its row.
 fn linearise(ball: u32, lane: u32) {
     let first = corner(ball);
     let size = extent(ball, first);
@@ -186,12 +191,14 @@ fn linearise(ball: u32, lane: u32) {
         }
         force += contact.impulse;
         torque += cross(found.arm, contact.impulse);
+        // The surface moves at s = v + w × a = v − [a]× w, so that dJ/dw = −D [a]×; the torque is [a]× J.
         let turn = cross_matrix(found.arm);
         let by_spin = contact.derivative * turn;
         vv += contact.derivative;
         vw -= by_spin;
         ww -= turn * by_spin;
     }
+    // A row holds force, torque, the diagonal of vv, its off-diagonal entries, vw by columns, and ww as vv.
     let row = lane * TERMS;
     for (var i = 0u; i < 3u; i++) {
         rows[row + i] = force[i];
@@ -210,11 +217,12 @@ fn linearise(ball: u32, lane: u32) {
     rows[row + 26u] = ww[2].y;
 }
 
-// The solution of a positive definite system by Gauss, six rows of six and the right side.
+// Solves a positive definite system by Gaussian elimination: six rows of six coefficients and the
+// right-hand side.
 fn solve(system: ptr<function, array<array<f32, 7>, 6>>) -> array<f32, 6> {
     for (var k = 0u; k < 6u; k++) {
         for (var i = k + 1u; i < 6u; i++) {
-            // No pivots are looked for, as none is 0 or below.
+            // No pivoting: the pivots of a positive definite matrix are positive.
             let factor = (*system)[i][k] / (*system)[k][k];
             for (var j = k; j < 7u; j++) {
                 (*system)[i][j] -= factor * (*system)[k][j];
@@ -233,13 +241,14 @@ fn solve(system: ptr<function, array<array<f32, 7>, 6>>) -> array<f32, 6> {
     return x;
 }
 
-// One step of Newton's method from `totals`; from the sixth on half of one, against cycles.
+// One Newton step from `totals`. From round 6 on it is halved, which breaks cycles between pieces of the
+// residual.
 fn newton(ball: u32, v0: vec3<f32>, w0: vec3<f32>, round: u32) {
     let mass = balls[ball].mass;
     var system = array<array<f32, 7>, 6>();
     for (var i = 0u; i < 3u; i++) {
         system[i][i] = totals[6u + i] + mass;
-        // Arms are over the radius and spins times it: of the moment of inertia 2/5 of the mass are left.
+        // With arms over the radius and spins times it, the moment of inertia 2/5 m r² becomes 2/5 m.
         system[i + 3u][i + 3u] = totals[21u + i] + 0.4 * mass;
         system[i][6] = mass * (v0[i] - linear[i]) - totals[i];
         system[i + 3u][6] = 0.4 * mass * (w0[i] - spin[i]) - totals[3u + i];
@@ -269,7 +278,7 @@ fn newton(ball: u32, v0: vec3<f32>, w0: vec3<f32>, round: u32) {
     is_solved = select(0u, 1u, max(length(dv), length(dw)) <= 1e-6 * size + 1e-9);
 }
 
-// Gives the nodes of a lane their impulses, and leaves the sums on the ball as its row.
+// Applies the impulses to the nodes of a lane, and stores their sums in its row.
 fn apply(ball: u32, lane: u32) {
     let first = corner(ball);
     let size = extent(ball, first);
@@ -286,7 +295,7 @@ fn apply(ball: u32, lane: u32) {
         force += contact.impulse;
         torque += cross(found.arm, contact.impulse);
         let velocity = found.velocity.xyz + contact.impulse / found.velocity.w;
-        // A ball must not push particles through an obstacle.
+        // Obstacles have the last word: a ball must not push particles through them.
         velocities[found.node] = vec4(stop_all(found.at, velocity, friction), found.velocity.w);
     }
     for (var i = 0u; i < 3u; i++) {
@@ -326,7 +335,7 @@ fn resolve(ball: u32, lane: u32) {
     }
 }
 
-// Makes the sums of touch around a ball ready for the next substep.
+// Clears the touch sums around a ball for the next substep.
 fn clear_touches(ball: u32, lane: u32) {
     let first = corner(ball);
     let size = extent(ball, first);
@@ -353,6 +362,7 @@ fn couple(@builtin(local_invocation_index) lane: u32) {
             workgroupBarrier();
         }
     }
+    // Only after all balls are resolved, as their boxes may overlap.
     for (var ball = 0u; ball < params.balls; ball++) {
         if ((bits >> ball & 1u) != 0u) {
             clear_touches(ball, lane);
@@ -372,6 +382,7 @@ fn couple(@builtin(local_invocation_index) lane: u32) {
     workgroupBarrier();
     if (lane == 0u) {
         var speed = bitcast<f32>(atomicExchange(&counters.speed, 0u));
+        // Nodes in contact may have taken over the velocity of a ball's surface, which this bounds.
         for (var ball = 0u; ball < params.balls; ball++) {
             if ((bits >> ball & 1u) != 0u) {
                 speed = max(speed, length(balls[ball].velocity) + length(balls[ball].spin));

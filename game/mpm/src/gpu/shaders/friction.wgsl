@@ -1,4 +1,6 @@
-// Friction of nodes as the mean over materials of unlike friction, by mass: quanta of a sixteenth of mass.
+// Coefficient of friction of nodes: the mean of the particles' materials weighted by mass, for materials of
+// different coefficients. Sums are of friction times mass, whose quantum is 16 of mass so that coefficients
+// above 1 fit.
 
 @group(0) @binding(8) var<storage, read_write> friction_sums: array<atomic<i32>>;
 

@@ -1,5 +1,5 @@
-// Grid: momentum becomes velocity, free fall acts, and obstacles stop what moves into them. A workgroup handles
-// one block of nodes.
+// Grid update: momentum becomes velocity, gravity acts, and obstacles bound velocities. One workgroup
+// processes one block of nodes.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> control: Control;
@@ -9,11 +9,11 @@
 @group(0) @binding(11) var<storage, read> obstacles: array<Obstacle>;
 @group(0) @binding(14) var<storage, read> nodes: array<u32>;
 
-// Quanta of mass from which on a node's speed counts: rounding does not spoil it, and lighter ones do not move a
-// particle by a hundredth of a cell.
+// Mass in quanta from which a node counts for the largest speed: rounding dominates the velocities of
+// lighter ones, which do not move a particle by a hundredth of a cell.
 const SPEED_MASS_MIN: i32 = 2048;
 
-// Half of what sums hold.
+// Half of the range of i32: sums beyond it are reported before they can wrap.
 const SUM_MAX: i32 = 0x3fffffff;
 
 var<workgroup> speed_max: atomic<u32>;

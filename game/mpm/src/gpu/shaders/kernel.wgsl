@@ -1,15 +1,16 @@
 // Quadratic B-splines over the 3x3x3 nodes around a particle.
 
 struct Kernel {
-    // The first node in the tile.
+    // Index in the tile of the first node.
     first: u32,
     // From the particle to the first node, in cells.
     distance: vec3<f32>,
-    // Of the three nodes along each axis.
+    // Weights of the three nodes along each axis.
     weights: array<vec3<f32>, 3>,
 }
 
-// Of a place in cells from a block's first node, less one half. The tile begins a node before the block.
+// The kernel of a particle at a position in cells from its block's first node, less one half. The tile
+// begins one node before the block.
 fn kernel_at(local: vec3<f32>) -> Kernel {
     let base = clamp(floor(local), vec3(-1.0), vec3(4.0));
     // From the first node to the particle, 0.5 to 1.5 cells.

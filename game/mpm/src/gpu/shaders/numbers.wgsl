@@ -1,10 +1,12 @@
-// Exponential and logarithm within 2e-7, as `lanes.rs` has them: the built-in ones are looser.
+// Exponential and logarithm within 2e-7, the same as in `lanes.rs`: WGSL guarantees less for the built-in
+// ones.
 
-// eˣ for x from -87 to 88; values beyond count as those ends.
+// eˣ with x clamped to -87..=88.
 fn exponential(value: f32) -> f32 {
     let x = clamp(value, -87.0, 88.0);
     let exponent = round(x * 1.44269504);
-    // ln 2 in two parts: the first has few digits, so that its product is exact.
+    // rest = x − exponent · ln 2 (Cody and Waite): the first part of ln 2 has few bits, so that its product
+    // is exact.
     let rest = fma(exponent, 2.1219444e-4, fma(exponent, -0.6933594, x));
     var series = 1.0 / 5040.0;
     series = fma(series, rest, 1.0 / 720.0);
@@ -17,10 +19,10 @@ fn exponential(value: f32) -> f32 {
     return series * bitcast<f32>((i32(exponent) + 127) << 23u);
 }
 
-// The natural logarithm of positive normal numbers.
+// Natural logarithm of positive normal numbers, by ln m = 2 artanh((m − 1)/(m + 1)).
 fn logarithm(x: f32) -> f32 {
     let bits = bitcast<i32>(x);
-    // Mantissas from the square root of 1/2 to that of 2, for which the series converges fast.
+    // Subtracting the bits of √½ gives mantissas from √½ to √2, where the series converges fast.
     let exponent = (bits - 0x3f3504f3) >> 23u;
     let mantissa = bitcast<f32>(bits - (exponent << 23u));
     let s = (mantissa - 1.0) / (mantissa + 1.0);

@@ -1,6 +1,6 @@
-// Obstacles in nodes' coordinates: cells from the region's first node.
+// Contact of nodes with obstacles, in cells from the region's first node.
 
-// The normal and the signed distance in cells, negative inside.
+// The unit normal and the signed distance of a point from the surface in cells, negative inside.
 fn obstacle_distance(obstacle: Obstacle, at: vec3<f32>) -> vec4<f32> {
     if (obstacle.half_size.x < 0.0) {
         return vec4(obstacle.place, dot(obstacle.place, at) - obstacle.offset);
@@ -25,7 +25,7 @@ fn obstacle_distance(obstacle: Obstacle, at: vec3<f32>) -> vec4<f32> {
     return vec4(axes * (normalize(normal) * side), distance);
 }
 
-// The velocity that an obstacle leaves to a node: Coulomb's law, Stomakhin et al. 2013, section 8.
+// Velocity of a node after contact with an obstacle, by Coulomb's law (Stomakhin et al. 2013, section 8).
 fn stop(obstacle: Obstacle, at: vec3<f32>, velocity: vec3<f32>, friction: f32) -> vec3<f32> {
     let surface = obstacle_distance(obstacle, at);
     if (surface.w > SURFACE_CELLS) {

@@ -1,5 +1,5 @@
-// Ordering of particles by block: a counting sort whose places within a block and whose blocks come in any order,
-// as no sum depends on it. A chunk is what one workgroup handles.
+// Counting sort of particles by block. The order within a block and of the blocks varies from run to run,
+// which changes no result, as sums are of integers.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> control: Control;
@@ -13,7 +13,7 @@
 @group(0) @binding(14) var<storage, read_write> nodes: array<u32>;
 @group(0) @binding(15) var<storage, read_write> next_chunks: array<Chunk>;
 @group(0) @binding(16) var<storage, read_write> next_particles: array<vec4<u32>>;
-// Workgroups of chunks and of blocks of nodes.
+// Indirect dispatch sizes over chunks, then over blocks of nodes.
 @group(0) @binding(17) var<storage, read_write> dispatch_sizes: array<u32, 6>;
 
 fn table_len() -> u32 {
@@ -43,17 +43,17 @@ fn clear_table(
     }
 }
 
-// From the old block to a particle's, in blocks.
+// Offset from a particle's old block to its new one, in blocks.
 fn shift_of(local: vec3<f32>) -> vec3<i32> {
     return vec3<i32>(clamp(floor(local / 4.0), vec3(-1.0), vec3(1.0)));
 }
 
 fn moved_local(local: vec3<f32>) -> vec3<f32> {
-    // Rounding up to the far side would be outside of the block.
+    // The subtraction may round up to the edge, which is outside the block.
     return clamp(local - vec3<f32>(shift_of(local) * 4), vec3(0.0), vec3(3.9999998));
 }
 
-// A bit for each of the 27 blocks whose nodes a particle may touch until the next ordering.
+// One bit for each of the 27 blocks whose nodes a particle can reach until the next sorting.
 fn reach_of(local: vec3<f32>) -> u32 {
     let low = vec3<i32>(floor((local - DRIFT_MAX) / 4.0));
     let high = vec3<i32>(floor((local + DRIFT_MAX + 2.0) / 4.0));
@@ -80,6 +80,7 @@ fn count_particles(
     }
     let index = chunk.start + lane;
     let local = bitcast<vec3<f32>>(particles[index].xyz);
+    // The outermost blocks of the region are reserved for the nodes around particles.
     let in_region = chunk.block + shift_of(local) - params.origin;
     let last = vec3<i32>(params.blocks) - 2;
     let block = clamp(in_region, vec3(1), last);
@@ -88,7 +89,7 @@ fn count_particles(
     }
     let row = block_index(vec3<u32>(block), params.blocks);
     let reach = reach_of(moved_local(local));
-    // Mostly all bits are set already, and particles of a block need not wait for each other.
+    // Usually all bits are set already; the load avoids a contended atomic.
     if ((atomicLoad(&table[row].reach) & reach) != reach) {
         atomicOr(&table[row].reach, reach);
     }
@@ -125,7 +126,7 @@ fn allocate_chunks(
     let first = atomicAdd(&counters.chunks, parts);
     var from_particle = 0u;
     for (var part = 0u; part < parts; part++) {
-        // In even parts: none is left nearly empty.
+        // Even parts, so that none is nearly empty.
         let len = (count - from_particle) / (parts - part);
         next_chunks[first + part] = Chunk(block, start + from_particle, len, 0u, 0u, 0u);
         from_particle += len;
@@ -135,7 +136,7 @@ fn allocate_chunks(
         if ((reach >> side & 1u) != 0u) {
             let offset = vec3<i32>(vec3(side / 9u, side / 3u % 3u, side % 3u)) - 1;
             let node = block_index(vec3<u32>(vec3<i32>(in_region) + offset), params.blocks);
-            // Whoever is first lists the node, and nobody else does.
+            // Only the thread that sets the flag lists the block of nodes.
             if (atomicExchange(&table[node].is_active, 1u) == 0u) {
                 nodes[atomicAdd(&counters.nodes, 1u)] = node;
             }
@@ -143,7 +144,8 @@ fn allocate_chunks(
     }
 }
 
-// Rows and columns of a dispatch; the last row may be a few short.
+// Stores the columns and rows of an indirect dispatch of at least `count` workgroups, and returns their
+// number. The caller fills the surplus at the end with empty work.
 fn set_dispatch(at: u32, count: u32) -> u32 {
     let rows = max((count + GROUPS_X_MAX - 1u) / GROUPS_X_MAX, 1u);
     let columns = (count + rows - 1u) / rows;
@@ -163,7 +165,7 @@ fn finish_ordering() {
     }
     let node_end = set_dispatch(3u, node_count);
     for (var i = node_count; i < node_end; i++) {
-        // The region's corner, where no particle is.
+        // Block 0, a corner of the region, which no particle reaches.
         nodes[i] = 0u;
     }
     var c = control;

@@ -1,4 +1,4 @@
-// Drucker–Prager plasticity, Klár et al. 2016. State: logarithm of volume gained in tension.
+// Drucker–Prager plasticity (Klár et al. 2016). The state is the logarithm of the volume gained in tension.
 fn sand(material: Material, strain: Strain) -> Response {
     let parts = svd(trial(strain));
     let stretch = max(abs(parts.sigma), vec3(STRETCH_MIN));
@@ -17,7 +17,8 @@ fn sand(material: Material, strain: Strain) -> Response {
     return Response(deformation, state, stress[0], stress[1], 1.0);
 }
 
-// Logarithmic strains back onto the yield surface.
+// Projects logarithmic strains, corrected by the volume gained, onto the yield surface (Klár et al. 2016,
+// section 7.3).
 fn return_map(material: Material, logarithms: vec3<f32>, gained: f32) -> vec3<f32> {
     let corrected = logarithms + gained / 3.0;
     let trace = corrected.x + corrected.y + corrected.z;

@@ -1,4 +1,5 @@
-// Stomakhin et al. 2013. State: Jp, the determinant of the plastic part.
+// Snow of Stomakhin et al. 2013. The state is Jp, the determinant of the plastic part of the deformation
+// gradient.
 fn snow(material: Material, strain: Strain) -> Response {
     let parts = svd(trial(strain));
     let sigma = clamp(parts.sigma, vec3(material.stretch_low), vec3(material.stretch_high));

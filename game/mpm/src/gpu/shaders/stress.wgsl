@@ -1,17 +1,18 @@
-// What constitutive models share.
+// Common parts of the constitutive models, which are described in `material/`.
 
-// Changes of a particle over a substep.
+// Deformation of a particle over a substep, the input of a model.
 struct Strain {
-    // Elastic part of the deformation gradient.
+    // Elastic part of the deformation gradient before the substep.
     deformation: mat3x3<f32>,
-    // The material's own variable of state.
+    // State variable of the model.
     state: f32,
-    // Gradient of velocity times the substep.
+    // Velocity gradient times the substep.
     increment: mat3x3<f32>,
-    // In s.
+    // Duration of the substep, in s.
     dt: f32,
 }
 
+// Result of a model: deformation and state after the substep, and the stress.
 struct Response {
     deformation: mat3x3<f32>,
     state: f32,
@@ -22,12 +23,12 @@ struct Response {
     stiffening: f32,
 }
 
-// `(I + dt ∇v) F`.
+// Trial deformation `(I + dt ∇v) F`.
 fn trial(strain: Strain) -> mat3x3<f32> {
     return strain.deformation + strain.increment * strain.deformation;
 }
 
-// `U diag(values) Uᵀ`.
+// Diagonal and off-diagonal entries of `U diag(values) Uᵀ`.
 fn principal_stress(u: mat3x3<f32>, values: vec3<f32>) -> array<vec3<f32>, 2> {
     let a = u[0] * values.x;
     let b = u[1] * values.y;
@@ -37,7 +38,7 @@ fn principal_stress(u: mat3x3<f32>, values: vec3<f32>) -> array<vec3<f32>, 2> {
     return array(diagonal, shear);
 }
 
-// Fixed corotated elasticity, Stomakhin et al. 2012.
+// Kirchhoff stress of fixed corotated elasticity (Stomakhin et al. 2012).
 fn fixed_corotated(u: mat3x3<f32>, sigma: vec3<f32>, lambda: f32, mu: f32) -> array<vec3<f32>, 2> {
     let j = sigma.x * sigma.y * sigma.z;
     let pressure = lambda * (j - 1.0) * j;

@@ -1,22 +1,22 @@
-// Structures that kernels share; `layout.rs` mirrors them.
+// Structures of the kernels' buffers, mirrored by `layout.rs`.
 
 struct Params {
-    // The region's first block, in blocks from the origin.
+    // Coordinate of the region's first block, in blocks from the origin.
     origin: vec3<i32>,
     particles: u32,
-    // Of the region along each axis.
+    // Number of blocks of the region along each axis.
     blocks: vec3<u32>,
     balls: u32,
-    // In m/s².
+    // Acceleration of gravity, in m/s².
     gravity: vec3<f32>,
-    // In m.
+    // Edge of a cell, in m.
     cell_size: f32,
     courant: f32,
-    // Quanta of mass in a kilogram.
+    // Fixed-point quanta of mass in a kilogram.
     mass_scale: f32,
-    // Cells that particles may travel before the region must be fitted again.
+    // Distance that particles may travel before the region must be fitted again, in cells.
     margin: f32,
-    // Substeps from one ordering to the next.
+    // Substeps between two sortings.
     group: u32,
     obstacles: u32,
     padding_0: u32,
@@ -25,26 +25,26 @@ struct Params {
 }
 
 struct Control {
-    // Of the substep under way, in s.
+    // Duration of the present substep, in s.
     dt: f32,
-    // Time of the step that is left, in s.
+    // Remaining time of the step, in s.
     left: f32,
-    // Cells that the fastest particle may have moved since the last ordering.
+    // Bound on the distance that any particle has moved along an axis since the last sorting, in cells.
     drift: f32,
-    // The same since the region was fitted.
+    // The same bound since the region was fitted.
     travelled: f32,
-    // Quanta of momentum in a kg·m/s, and the same in the substep before.
+    // Fixed-point quanta of momentum in 1 kg·m/s, in the present substep and in the one before.
     momentum_scale: f32,
     gather_scale: f32,
     // Largest component of a velocity, in m/s.
     speed: f32,
-    // Fastest sound, in m/s.
+    // Largest speed of sound, in m/s.
     sound: f32,
-    // Substeps until the next ordering.
+    // Substeps until the next sorting.
     group_left: u32,
-    // Whether particles have yet to take velocities from the grid.
+    // Whether particles have not yet gathered velocities from the grid.
     gather: u32,
-    // Whether a substep is under way.
+    // Whether a substep is in progress.
     scatter: u32,
     substeps: u32,
     orderings: u32,
@@ -54,27 +54,27 @@ struct Control {
 }
 
 struct Counters {
-    // Taken by the ordering under way.
+    // Allocated so far by the present sorting; `nodes` counts blocks of nodes.
     particles: atomic<u32>,
     chunks: atomic<u32>,
     nodes: atomic<u32>,
-    // Bits of the fastest node's largest component.
+    // Bits of the largest velocity component of a node, as f32.
     speed: atomic<u32>,
-    // Bits of the fastest sound.
+    // Bits of the largest speed of sound, as f32.
     sound: atomic<u32>,
-    // A bit for each ball that particles touch.
+    // One bit for each ball that particles touch.
     touched: atomic<u32>,
-    // A bit for each fault.
+    // One bit for each kind of fault.
     faults: atomic<u32>,
     padding: u32,
-    // Least and greatest block with particles, in blocks from the origin.
+    // Least and greatest coordinates of blocks with particles, in blocks from the origin.
     low: array<atomic<i32>, 4>,
     high: array<atomic<i32>, 4>,
 }
 
-// Particles of one block, for one workgroup.
+// Range of particles of one block, processed by one workgroup.
 struct Chunk {
-    // In blocks from the origin.
+    // Coordinate of the block, in blocks from the origin.
     block: vec3<i32>,
     start: u32,
     len: u32,
@@ -87,55 +87,56 @@ struct Material {
     kind: u32,
     density: f32,
     friction: f32,
-    // At rest, in m/s.
+    // Speed of sound at rest, in m/s.
     sound: f32,
     lambda: f32,
     mu: f32,
     viscosity: f32,
-    // Of water: ρ₀c²/7.
+    // Water: ρ₀c²/7, in Pa.
     stiffness: f32,
-    // Of sand: the yield slope times (3λ + 2μ)/2μ.
+    // Sand: the yield slope times (3λ + 2μ)/2μ.
     bulk: f32,
-    // Of snow.
+    // Snow: range of the elastic stretches, and hardening.
     stretch_low: f32,
     stretch_high: f32,
     hardening: f32,
 }
 
 struct Ball {
-    // In cells from the region's first node, at the batch's start.
+    // Position of the centre at the batch's start, in cells from the region's first node.
     position: vec3<f32>,
-    // In cells.
+    // Radius, in cells.
     radius: f32,
-    // In m/s.
+    // Velocity, in m/s.
     velocity: vec3<f32>,
-    // In kg.
+    // Mass, in kg.
     mass: f32,
     // Angular velocity times radius, in m/s.
     spin: vec3<f32>,
-    // Height under which its centre does not sink, in cells from the region's first node.
+    // Least height of its centre, in cells from the region's first node.
     floor_height: f32,
-    // In m/s².
+    // Acceleration by all forces but those of particles, in m/s².
     acceleration: vec3<f32>,
     padding_1: f32,
-    // Since the batch's start, in cells.
+    // Displacement since the batch's start, in cells; apart from the position, so that small ones are not
+    // rounded off.
     moved: vec3<f32>,
     padding_2: f32,
-    // By particles since the batch's start, in kg·m/s.
+    // Impulse by particles since the batch's start, in kg·m/s.
     impulse: vec3<f32>,
     padding_3: f32,
-    // The same about the centre, over the radius.
+    // Angular impulse by particles since the batch's start over the radius, in kg·m/s.
     turn: vec3<f32>,
     padding_4: f32,
 }
 
 // A half-space (`half_size.x` negative) or a box.
 struct Obstacle {
-    // Of a box: its centre, in cells from the region's first node. Of a half-space: its normal.
+    // Box: its centre, in cells from the region's first node. Half-space: its unit normal.
     place: vec3<f32>,
-    // Of a half-space: the plane's distance from the region's first node, in cells.
+    // Half-space: signed distance of the plane from the region's first node along the normal, in cells.
     offset: f32,
-    // In cells.
+    // Half of the box's edges, in cells.
     half_size: vec3<f32>,
     is_bonded: u32,
     // Columns of `world_from_cuboid`.
@@ -147,14 +148,15 @@ struct Obstacle {
     padding_2: f32,
 }
 
-// A block of the region.
+// Sorting state of a block of the region.
 struct TableRow {
-    // Particles in it.
+    // Number of its particles.
     count: atomic<u32>,
-    // A bit for each of the 27 node blocks around that they may touch.
+    // One bit for each of the 27 surrounding node blocks that its particles can reach.
     reach: atomic<u32>,
-    // Their first place.
+    // Index of its first particle after sorting.
     start: u32,
+    // Whether its nodes are listed.
     is_active: atomic<u32>,
 }
 
@@ -163,7 +165,8 @@ const DRIFTED: u32 = 2u;
 const TOO_HEAVY: u32 = 4u;
 const LEFT_REGION: u32 = 8u;
 
-// Whether no component is infinite or NaN, by its bits: compilers may take comparisons for granted.
+// Whether no component is infinite or NaN. By the bits, as WGSL lets compilers assume that neither occurs
+// and fold comparisons.
 fn is_finite(v: vec3<f32>) -> bool {
     return all((bitcast<vec3<u32>>(v) & vec3(0x7f800000u)) != vec3(0x7f800000u));
 }

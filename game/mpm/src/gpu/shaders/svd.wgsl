@@ -1,5 +1,6 @@
-// Singular value decomposition by one-sided Jacobi (Hestenes 1958): columns of F·V become
-// orthogonal, and then give U and the singular values with the order and signs of `svd.rs`.
+// Singular value decomposition by one-sided Jacobi rotations (Hestenes 1958), which orthogonalise the
+// columns of F·V. Singular values are in descending order, U and V are rotations, and the last value has
+// the sign of det F.
 
 struct Svd {
     u: mat3x3<f32>,
@@ -13,13 +14,13 @@ struct Columns {
     c: vec3<f32>,
     v: vec3<f32>,
     w: vec3<f32>,
-    // Whether they were orthogonal nearly.
+    // Whether they were nearly orthogonal before the rotation; of `sorted`, whether it swapped them.
     is_small: bool,
 }
 
 const SWEEPS_MAX: u32 = 6u;
 
-// Square of the cosine below which the sweep that rotates two columns is the last.
+// Squared cosine of the angle between two columns below which the sweep that rotates them is the last.
 const COSINE_LAST_SQUARED: f32 = 1e-8;
 
 fn jacobi(b: vec3<f32>, c: vec3<f32>, v: vec3<f32>, w: vec3<f32>) -> Columns {
@@ -42,7 +43,7 @@ fn jacobi(b: vec3<f32>, c: vec3<f32>, v: vec3<f32>, w: vec3<f32>) -> Columns {
     );
 }
 
-// The longer one first; the other negated, which keeps V a rotation.
+// Sorts two columns by length, the longer first. A swap negates one, which keeps V a rotation.
 fn sorted(b: vec3<f32>, c: vec3<f32>, v: vec3<f32>, w: vec3<f32>) -> Columns {
     let swap = dot(b, b) < dot(c, c);
     return Columns(
@@ -54,7 +55,7 @@ fn sorted(b: vec3<f32>, c: vec3<f32>, v: vec3<f32>, w: vec3<f32>) -> Columns {
     );
 }
 
-// A unit vector across another.
+// A unit vector orthogonal to a unit vector.
 fn across(u: vec3<f32>) -> vec3<f32> {
     let axis = select(vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0), abs(u.x) > 0.6);
     return normalize(cross(u, axis));
@@ -87,8 +88,8 @@ fn svd(f: mat3x3<f32>) -> Svd {
     let s0 = length(y.b);
     let is_zero = s0 < 1e-18;
     let u0 = select(y.b / s0, vec3(1.0, 0.0, 0.0), is_zero);
-    // What rounding has left along the first direction would count where the second stretch is far
-    // smaller.
+    // Orthogonalised again: the rounding error along the first direction matters where the second stretch
+    // is far smaller.
     let rest = z.b - u0 * dot(u0, z.b);
     let s1 = length(rest);
     let is_line = s1 < 1e-18;

@@ -1,13 +1,14 @@
-// Touch: particles that reach a ball, as `touch.rs` has it. Sums of a node, in quanta of mass: of `w m n` with n away from
-// the ball, and of `w m d` with the depth d of overlap in cells. A particle touches the ball that it is deepest in.
+// Contact detection between particles and balls, as in `touch.rs`. Sums of each node, in quanta of mass: of
+// `w m n`, with n the unit normal away from the ball, and of `w m d`, with d the depth of overlap in cells.
+// A particle touches at most one ball, the one with the deepest overlap.
 
 @group(0) @binding(10) var<storage, read> balls: array<Ball>;
 @group(0) @binding(18) var<storage, read_write> touches: array<atomic<i32>>;
 
-// Of a volume over that of a cell, up to 1.
+// Cube root of a particle's volume over a cell's, clamped to 1e-9..=1, as in `touch.rs`.
 fn cube_root(volume: f32) -> f32 {
     let value = clamp(volume, 1e-9, 1.0);
-    // A third of the exponent (Kahan), then Newton's method.
+    // Kahan's initial value, an exponent divided by 3, then Newton's method.
     var root = bitcast<f32>(bitcast<u32>(value) / 3u + 0x2a5119f2u);
     for (var i = 0u; i < 3u; i++) {
         root -= (root - value / (root * root)) / 3.0;
@@ -15,7 +16,8 @@ fn cube_root(volume: f32) -> f32 {
     return root;
 }
 
-// Adds a particle at a place in cells from the chunk's block's first node less one half, of a mass in quanta.
+// Finds the ball that a particle touches and adds its sums. `local` is in cells from the first node of the
+// chunk's block, less one half; `velocity` in m/s, `volume` in m³ and `mass` in quanta.
 fn scatter_touch(local: vec3<f32>, velocity: vec3<f32>, volume: f32, mass: f32) {
     let at = vec3<f32>((chunk.block - params.origin) * 4) + local + 0.5;
     let cell = params.cell_size;

@@ -1,6 +1,7 @@
-// Grid to particles and particles to grid: a particle takes its velocities from the nodes after one substep,
-// moves and strains in the next, and scatters momentum and mass to the nodes around it. A workgroup handles one
-// chunk. Sums are of integers, so that they do not depend on order.
+// Grid-to-particle and particle-to-grid transfer in one kernel: a particle gathers the velocities of nodes
+// at the end of one substep, moves and strains in the next, and scatters momentum and mass to the nodes
+// around it. One workgroup processes one chunk. Sums are of fixed-point integers, so that they do not
+// depend on order.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> control: Control;
@@ -11,18 +12,20 @@
 @group(0) @binding(6) var<storage, read> velocities: array<vec4<f32>>;
 @group(0) @binding(7) var<uniform> materials: array<Material, MATERIALS>;
 
-// Nodes of a tile: a block, the two more that a quadratic kernel needs, and a margin of a cell on each side.
+// Number of nodes of a tile, 8 along each axis: a block, the two further nodes of the quadratic kernel, and
+// a margin of one cell on each side. The strides follow.
 const TILE_NODES: u32 = 512u;
 const TILE_X: u32 = 64u;
 const TILE_Y: u32 = 8u;
 
-// Bits of velocities, then quanta of momentum and mass: a plane for each.
+// Planes of one number a node: bits of the velocity's components during the gather; quanta of momentum and
+// mass during the scatter.
 var<workgroup> tile: array<atomic<i32>, 2048>;
 var<workgroup> sound_max: atomic<u32>;
 var<workgroup> chunk: Chunk;
 var<workgroup> substep: Control;
 
-// The node of the grid at one of the tile.
+// Index in the grid of a node of the tile.
 fn grid_node(index: u32) -> u32 {
     let in_tile = vec3<i32>(vec3(index / TILE_X, index / TILE_Y % 8u, index % 8u));
     let node = vec3<u32>((chunk.block - params.origin) * 4 + in_tile - 1);
@@ -32,7 +35,7 @@ fn grid_node(index: u32) -> u32 {
 
 struct Motion {
     velocity: vec3<f32>,
-    // Change of velocity over a cell along each axis.
+    // Change of velocity over a cell along each axis, in m/s.
     affine: mat3x3<f32>,
 }
 
@@ -45,7 +48,7 @@ fn load_tile(lane: u32) {
     }
 }
 
-// APIC, Jiang et al. 2015: `v = Σ w v`, and the affine part `4 Σ w v dᵀ` with d in cells.
+// APIC gather (Jiang et al. 2015): `v = Σ w v`, and the affine matrix `4 Σ w v dᵀ` with d in cells.
 fn gather(local: vec3<f32>) -> Motion {
     let kernel = kernel_at(local);
     var weights = kernel.weights;
@@ -96,23 +99,24 @@ fn store_motion(index: u32, motion: Motion) {
     store_part(index, 6u, vec4(affine[1].z, affine[2]));
 }
 
-// What a particle scatters, in quanta.
+// Mass and momentum that a particle scatters, in quanta.
 struct Load {
     local: vec3<f32>,
     mass: f32,
     momentum: vec3<f32>,
     friction: f32,
-    // Change of momentum over a cell along each axis.
+    // Change of momentum over a cell along each axis, with that by stress.
     affine: mat3x3<f32>,
 }
 
-// What rounding to quanta took from a particle's momentum, in 1024ths of a quantum: it gets it back with the next
-// velocity, so that momentum is kept as well as the particles' numbers can hold it.
+// Packs the rounding error of a particle's momentum, in 1024ths of a quantum and 10 bits a component. It is
+// added to the next gathered velocity, so that momentum is conserved to the precision of f32.
 fn pack_rest(rest: vec3<f32>) -> u32 {
     let bits = vec3<u32>(clamp(vec3<i32>(round(rest * 1024.0)), vec3(-511), vec3(511)) + 512);
     return bits.x | bits.y << 10u | bits.z << 20u;
 }
 
+// Velocity that corresponds to the packed rounding error of the substep before.
 fn rest_velocity(index: u32) -> vec3<f32> {
     let constants = particles[index + 3u * params.particles];
     let bits = vec3(constants.w, constants.w >> 10u, constants.w >> 20u) & vec3(1023u);
@@ -120,14 +124,14 @@ fn rest_velocity(index: u32) -> vec3<f32> {
     return (vec3<f32>(bits) - 512.0) / (1024.0 * mass * substep.gather_scale);
 }
 
-// Moves and strains a particle.
+// Moves and strains a particle by a substep, and returns what it scatters.
 fn advance_particle(index: u32, motion: Motion) -> Load {
     let place = load_part(index, 0u);
     var constants = particles[index + 3u * params.particles];
     let material = materials[constants.z >> 24u];
     let scale = substep.dt / params.cell_size;
     let local = place.xyz + motion.velocity * scale;
-    // From −1 to 5 all three nodes of a kernel lie in the tile.
+    // All three nodes of a kernel along each axis are in the tile for positions from −1 to below 5.
     if (any(local < vec3(-1.0)) || any(local >= vec3(5.0))) {
         atomicOr(&counters.faults, DRIFTED);
     }
@@ -145,9 +149,9 @@ fn advance_particle(index: u32, motion: Motion) -> Load {
         constants.x = bitcast<u32>(f[2].z);
     }
     store_part(index, 0u, vec4(local, response.state));
-    // Bits of numbers that are not negative are in the order of the numbers.
+    // Non-negative f32 have the same order as their bits.
     atomicMax(&sound_max, bitcast<u32>(material.sound * response.stiffening));
-    // Hu et al. 2018, equation 16: `−dt V₀ (4/Δx²) τ Δx` over a cell.
+    // Stress impulse per cell of distance: `−dt V₀ (4/Δx²) τ Δx` (Hu et al. 2018, equation 16).
     let volume = bitcast<f32>(constants.y);
     let factor = -4.0 * scale * volume * substep.momentum_scale;
     let stress = mat3x3(
@@ -167,8 +171,8 @@ fn advance_particle(index: u32, motion: Motion) -> Load {
     return Load(local, mass * params.mass_scale, momentum, material.friction, affine);
 }
 
-// Adds a particle to the tile. What rounding takes, the middle node gets: the sums over all 27 nodes are the
-// particle's own momentum and mass.
+// Adds a particle to the tile. The centre node gets the rounding errors of the others, so that the sums
+// over all 27 nodes are exactly the particle's rounded momentum and mass.
 fn scatter(load: Load) {
     let kernel = kernel_at(load.local);
     var weights = kernel.weights;
@@ -218,6 +222,7 @@ fn flush_tile(lane: u32) {
             atomicLoad(&tile[index + 1024u]),
             atomicLoad(&tile[index + 1536u]),
         );
+        // Skips empty nodes, as most of the margin is, to save global atomics.
         if (any(quanta != vec4(0))) {
             let node = grid_node(index);
             atomicAdd(&sums[4u * node], quanta.x);
@@ -258,7 +263,7 @@ fn transfer(
             motion.velocity += rest_velocity(index);
             if (!is_finite(motion.velocity)) {
                 atomicOr(&counters.faults, NOT_FINITE);
-                // Places stay finite.
+                // Keeps positions finite.
                 motion = Motion(vec3(0.0), mat3x3<f32>());
             }
         } else {

@@ -1,4 +1,4 @@
-// Tait's equation of state, without tension. State: J.
+// Tait's equation of state without tension. The state is J, the volume over that at rest.
 fn water(material: Material, strain: Strain) -> Response {
     let trace = strain.increment[0].x + strain.increment[1].y + strain.increment[2].z;
     let j = clamp(fma(strain.state, trace, strain.state), EXPANSION_MIN, EXPANSION_MAX);
