@@ -132,8 +132,8 @@ fn second_dimension(mut x: u32) -> u32 {
 ///
 /// Derivation: let the bits of a sample's index be the coefficients of a polynomial g, and the pairs of
 /// bits of a pixel's Morton index, the highest first, the 16 digits of a polynomial h to the base q. The
-/// point of `f = g·q¹⁶ + h` has f's coefficients as the digits of its first coordinate and those of f(x +
-/// 1) as the digits of its second. By the Chinese remainder theorem f is determined by its remainders
+/// point of `f = g·q¹⁶ + h` has f's coefficients as the digits of its first coordinate and those of
+/// f(x + 1) as the digits of its second. By the Chinese remainder theorem f is determined by its remainders
 /// modulo xᵃ, (x + 1)ᵇ and qᶜ, which are coprime, and by its remaining highest coefficients: fixing the
 /// upper bits of sample and pixel (qᶜ) leaves exactly one point for each cell (xᵃ, (x + 1)ᵇ). This is
 /// Niederreiter's construction, over the places x, x + 1, q and ∞. Since `q¹⁶ = 1 + x¹⁶ + x³²`, the first

@@ -29,8 +29,8 @@ pub fn srgb8(radiance: [f32; 3], exposure: f32) -> [u8; 3] {
 }
 
 /// The highlight compression of "Khronos PBR Neutral" (Khronos Group, ToneMapping, 2024). It scales
-/// the three channels equally, which preserves hue, and mixes in white as the peak goes far beyond
-/// 1. The toe is omitted: it subtracts the constant Fresnel term that rasterisers add to black, and
+/// the three channels equally, which preserves hue, and mixes in white as the peak goes far
+/// beyond 1. The toe is omitted: it subtracts the constant Fresnel term that rasterisers add to black, and
 /// that a path tracer does not have. Only exactly rounded operations are needed.
 #[inline]
 fn shoulder(rgb: [f32; 3], peak: f32) -> [f32; 3] {
