@@ -8,25 +8,24 @@ use carom_testkit::simulator::{
     FarmPlan, NodeChange, NodePlan, PERIOD_SECS, SimulationReport, fault_plan, run, run_faults,
 };
 use carom_tracer::ImageSize;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 #[test]
 fn whatever_goes_wrong_every_frame_comes_whole_and_right() {
-    for seed in 0..300 {
-        for hedged in [false, true] {
-            let plan = fault_plan(seed, hedged);
-            let run = run_faults(&plan);
-            assert!(
-                run.wrong.is_empty(),
-                "seed {seed}, hedged {hedged}: {:?}",
-                run.wrong
-            );
-            // All that others had been asked for takes one node longer.
-            if hedged && run.pipelined && run.nodes >= 5 && !run.all_lost {
-                let late = run.late_periods;
-                assert!(late <= 2.0, "seed {seed}: {late} periods late");
-            }
+    (0..600).into_par_iter().for_each(|index| {
+        let (seed, hedged) = (index / 2, index % 2 == 1);
+        let run = run_faults(&fault_plan(seed, hedged));
+        assert!(
+            run.wrong.is_empty(),
+            "seed {seed}, hedged {hedged}: {:?}",
+            run.wrong
+        );
+        // All that others had been asked for takes one node longer.
+        if hedged && run.pipelined && run.nodes >= 5 && !run.all_lost {
+            let late = run.late_periods;
+            assert!(late <= 2.0, "seed {seed}: {late} periods late");
         }
-    }
+    });
 }
 
 /// What 23 had been asked for of eight frames in flight is more runs than a node takes over 46 ms: the

@@ -205,12 +205,11 @@ impl GpuTracer {
         while next < work.job.tiles.len() {
             let limits = ChunkLimits {
                 pixels: pixels_max.min(Self::CHUNK_PIXELS_MAX),
-                samples: self.pacer.samples_per_dispatch(work.work_per_sample),
-                pixel_samples: work.pixel_samples,
+                ..self.limits(work)
             };
             let chunk = Chunk::next(work.job.tiles, next, work.job.settings.samples, limits);
             next = chunk.tiles.end;
-            let is_done = self.trace_chunk(work, buffers, &chunk, limits, &mut stats)?;
+            let is_done = self.trace_chunk(work, buffers, &chunk, &mut stats)?;
             if !is_done {
                 break;
             }
@@ -223,13 +222,21 @@ impl GpuTracer {
         Ok(stats)
     }
 
+    /// Limits of a dispatch of any number of pixels at the speed known so far.
+    fn limits(&self, work: &Work<'_>) -> ChunkLimits {
+        ChunkLimits {
+            pixels: u64::MAX,
+            samples: self.pacer.samples_per_dispatch(work.work_per_sample),
+            pixel_samples: work.pixel_samples,
+        }
+    }
+
     /// Traces all samples of a chunk; returns false if cancelled.
     fn trace_chunk(
         &self,
         work: &Work<'_>,
         buffers: &mut FrameBuffers,
         chunk: &Chunk,
-        limits: ChunkLimits,
         stats: &mut TraceStats,
     ) -> Result<bool, Error> {
         let layout = ReadbackLayout::new(chunk, work.output);
@@ -243,13 +250,14 @@ impl GpuTracer {
             uniforms: Vec::new(),
         };
         let settings = &work.job.settings;
-        let step = chunk.samples_per_dispatch(settings.samples, limits);
         let mut begin = 0;
         while begin < settings.samples {
             if work.job.cancelled.load(Ordering::Relaxed) {
                 return Ok(false);
             }
-            let end = begin.saturating_add(step).min(settings.samples);
+            // By the speed of the dispatch before: the first one of a kernel may include its translation.
+            let left = settings.samples - begin;
+            let end = begin + chunk.samples_per_dispatch(left, self.limits(work));
             let data = chunk.dispatch(settings, begin..end);
             let samples = u64::from(end - begin) * chunk.pixels;
             pass.uniforms = bytes_of(&data).to_vec();

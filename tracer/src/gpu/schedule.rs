@@ -19,6 +19,9 @@ const DISPATCH_NANOS: f64 = 30e6;
 /// Duration in nanoseconds below which a dispatch tells more about launch overhead than about
 /// speed, unless it was expected to take longer.
 const LEARN_NANOS_MIN: f64 = 1e6;
+/// Minimum number of samples that a dispatch is planned for: software Vulkan traces them in a tenth of
+/// a second, and takes 20 ms to launch a dispatch, which would pass for a speed if it had fewer.
+const PACED_SAMPLES_MIN: u64 = 4096;
 /// Assumed speed in femtoseconds per unit of work before anything is measured: 30 Msample/s in a
 /// pool scene.
 const FEMTOS_PER_WORK: u64 = 100_000;
@@ -47,9 +50,10 @@ impl Pacer {
         Self { femtos_per_work }
     }
 
-    /// Number of samples for a dispatch of [`DISPATCH_NANOS`], at least 1.
+    /// Number of samples for a dispatch of [`DISPATCH_NANOS`], at least [`PACED_SAMPLES_MIN`].
     pub(crate) fn samples_per_dispatch(&self, work_per_sample: f64) -> u64 {
-        (DISPATCH_NANOS / (self.nanos_per_work() * work_per_sample)).max(1.0) as u64
+        let samples = DISPATCH_NANOS / (self.nanos_per_work() * work_per_sample);
+        (samples as u64).max(PACED_SAMPLES_MIN)
     }
 
     /// Updates the speed from a dispatch of `samples` samples that took `nanos` nanoseconds.

@@ -10,8 +10,8 @@ use std::thread;
 use carom_tracer::gpu::AdapterChoice;
 use carom_tracer::{
     Axis, CompiledScene, CpuTracer, CsgSolid, Error, GpuTracer, ImageSize, Object, ObjectPose,
-    RenderSettings, ScalarTracer, Scene, SceneUpdate, Shape, Tile, TileGrid, TraceJob, TraceStats,
-    Tracer,
+    RenderSettings, ScalarTracer, Scene, SceneUpdate, Shape, Tile, TileGrid, TileRadiance,
+    TraceJob, TraceStats, Tracer,
 };
 use glam::{Quat, Vec3};
 
@@ -238,26 +238,29 @@ fn light_of_long_loops_is_all_there_or_refused() {
         };
         scene.objects.extend((0..boxes).map(row));
         let (scene, size) = (compiled(&scene), ImageSize::new(6, 4));
+        let tile = Tile {
+            x: 0,
+            y: 0,
+            width: size.width,
+            height: size.height,
+        };
         let job = TraceJob {
             size,
-            tiles: &[Tile {
-                x: 0,
-                y: 0,
-                width: size.width,
-                height: size.height,
-            }],
+            tiles: &[tile],
             settings: settings(samples),
             cancelled: &AtomicBool::new(false),
         };
-        match gpu.trace(&scene, &job, &|_| {}) {
-            Ok(_) => {
-                let picture = mean(&whole(gpu, &scene, size, settings(samples)));
-                let truth = mean(&whole(
-                    &CpuTracer::new().unwrap(),
-                    &scene,
-                    size,
-                    settings(samples),
-                ));
+        let mean = |tracer: &dyn Tracer| {
+            let sum = Mutex::new(Vec3::ZERO);
+            let add = |done: TileRadiance| {
+                *sum.lock().unwrap() += done.radiance.iter().copied().map(Vec3::from).sum::<Vec3>();
+            };
+            tracer.trace(&scene, &job, &add)?;
+            Ok(sum.into_inner().unwrap() / tile.pixels() as f32)
+        };
+        match mean(gpu) {
+            Ok(picture) => {
+                let truth = mean(&CpuTracer::new().unwrap()).unwrap();
                 assert!(
                     ((picture - truth) / truth).abs().max_element() < 2e-3,
                     "{boxes} boxes: {picture} {truth}"

@@ -271,9 +271,10 @@ impl RegionFrame<'_> {
         part: &'k TracedPart,
     ) -> Result<bool, Error> {
         let traced = self.filter_job.traced;
-        let step = traced.samples_per_dispatch(part.settings.samples, self.limits);
-        for begin in (0..part.settings.samples).step_by(step as usize) {
-            let end = begin.saturating_add(step).min(part.settings.samples);
+        let mut begin = 0;
+        while begin < part.settings.samples {
+            let left = part.settings.samples - begin;
+            let end = begin + traced.samples_per_dispatch(left, self.limits);
             let samples = u64::from(end - begin) * traced.pixels;
             if !self.make_room(submission, samples)? {
                 return Ok(false);
@@ -282,6 +283,7 @@ impl RegionFrame<'_> {
             submission.passes.push(pass);
             submission.kinds.push(kind);
             submission.samples += samples;
+            begin = end;
         }
         Ok(true)
     }
@@ -389,6 +391,7 @@ impl RegionFrame<'_> {
                 PassKind::Filter => stats.filter_nanos += nanos as u64,
             }
         }
+        self.limits.samples = (tracer.pacer).samples_per_dispatch(self.work_per_sample);
         Ok(())
     }
 }
