@@ -293,7 +293,15 @@ impl Storage {
     ///
     /// If a particle's block is over [`BLOCK_COORDINATE_MAX`]; particles then stay as they are.
     pub(crate) fn put_in_order(&mut self, materials: &[Material]) -> Result<()> {
-        let (coordinates, mut slots) = self.slots()?;
+        let (coordinates, mut slots) = match self.slots() {
+            Ok(sorted) => sorted,
+            Err(error) => {
+                // The index holds new blocks by then.
+                let coordinates = self.blocks.iter().map(|block| block.coordinate);
+                self.index = coordinates.zip(0..).collect();
+                return Err(error);
+            }
+        };
         // Keys are unique, as each slot has a source of its own: an unstable sort then gives one order,
         // whatever the number of threads.
         slots.par_sort_unstable();
@@ -452,4 +460,37 @@ fn mean_friction(packets: &[Packet], materials: &[Material]) -> f32 {
         friction += sum * materials[usize::from(packet.material)].friction();
     }
     if mass > 0.0 { friction / mass } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Sand;
+
+    #[test]
+    fn a_particle_out_of_reach_leaves_the_blocks_indexed_as_they_are() {
+        let mut storage = Storage::new(0.01);
+        for (id, x) in [(0, 0.01), (1, 0.21)] {
+            let particle = Particle {
+                id,
+                position: Vec3::new(x, 0.01, 0.01),
+                velocity: Vec3::ZERO,
+                mass_kg: 1e-3,
+                volume_m3: 1e-6,
+                material: 0,
+            };
+            storage.add(&particle, 0.0).unwrap();
+        }
+        // The first goes to a new block, which takes its place in the index; the second goes too far.
+        for (block, cells) in storage.blocks.iter_mut().zip([100.0, 1e9]) {
+            block.packets[0].position[0][0] = cells;
+        }
+        let materials = [Material::Sand(Sand::default())];
+        let refused = storage.put_in_order(&materials);
+        assert!(matches!(refused, Err(Error::OutOfReach { .. })));
+        assert_eq!(storage.index.len(), 2);
+        for (coordinate, index) in &storage.index {
+            assert_eq!(storage.blocks[*index as usize].coordinate, *coordinate);
+        }
+    }
 }

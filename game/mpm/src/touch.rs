@@ -42,6 +42,11 @@ pub(crate) const MARGIN_CELLS: f32 = 0.01;
 /// a cell on each side, 3·√3, rounded up.
 const BLOCK_REACH_CELLS: f64 = 5.2;
 
+/// Largest distance from a ball at which a particle can touch it, in cells: a particle extends by half a cell
+/// at most and approaches by less than 1.4 cells a substep, half a cell for each component of its velocity
+/// and for the ball.
+const TOUCH_REACH_CELLS: f64 = 2.0;
+
 /// Finds the particles of a block that touch balls, after they have moved in `p2g`.
 pub(crate) fn find_touches(block: &mut ParticleBlock, balls: &[Ball], substep: Substep) {
     block.touches.clear();
@@ -50,7 +55,7 @@ pub(crate) fn find_touches(block: &mut ParticleBlock, balls: &[Ball], substep: S
     for (index, ball) in balls.iter().enumerate() {
         let center = ball.position / cell_size_m - corner;
         let radius = ball.radius_m / cell_size_m;
-        let reach = radius + BLOCK_REACH_CELLS;
+        let reach = radius + TOUCH_REACH_CELLS + BLOCK_REACH_CELLS;
         if center.distance_squared(DVec3::splat(0.5 * f64::from(BLOCK_EDGE))) > reach * reach {
             continue;
         }
@@ -93,10 +98,8 @@ impl LocalBall {
     fn touched_by(&self, packet: &Packet, lane: usize, substep: Substep) -> Option<(Vec3, f32)> {
         let arm = Vec3::from_slice(&packet.position[lane]) - self.center;
         let distance_squared = arm.length_squared();
-        // A particle extends by half a cell at most and approaches by less than 1.4 cells a substep, half a
-        // cell for each component of its velocity and for the ball: beyond this none touches, and the root
-        // is saved.
-        let far = self.radius + 2.0;
+        // Beyond this none touches, and the root is saved.
+        let far = self.radius + TOUCH_REACH_CELLS as f32;
         if distance_squared > far * far {
             return None;
         }
@@ -197,4 +200,40 @@ pub(crate) fn add_touches(node: &NodeBlock, blocks: &[ParticleBlock]) -> Vec<Nod
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::storage::{Particle, Storage};
+
+    #[test]
+    fn a_ball_is_met_by_the_farthest_particle_of_a_block_that_nears_it() {
+        let substep = Substep {
+            dt: 1e-4,
+            cell_size_m: 0.01,
+        };
+        let mut storage = Storage::new(substep.cell_size_m);
+        let particle = Particle {
+            id: 0,
+            position: Vec3::splat(0.006),
+            velocity: Vec3::ZERO,
+            mass_kg: 1e-3,
+            volume_m3: 1e-6,
+            material: 0,
+        };
+        storage.add(&particle, 0.0).unwrap();
+        let block = &mut storage.blocks[0];
+        assert_eq!(block.coordinate, glam::IVec3::ZERO);
+        let local = Vec3::splat(-0.99);
+        block.packets[0].position[0] = local.extend(0.0).into();
+        let (diagonal, radius_m) = (Vec3::ONE.normalize().as_dvec3(), 0.05);
+        let place = (local + 0.5).as_dvec3() * 0.01;
+        for (gap_m, is_met) in [(0.0139, true), (0.0145, false)] {
+            let mut ball = Ball::new(place - (radius_m + gap_m) * diagonal, radius_m, 0.2);
+            ball.velocity = 0.9 * 0.01 / 1e-4 * diagonal;
+            find_touches(block, &[ball], substep);
+            assert_eq!(!block.touches.is_empty(), is_met, "{gap_m}");
+        }
+    }
 }
