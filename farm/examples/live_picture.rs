@@ -1,4 +1,4 @@
-//! A live picture without a window: a ball rolls for some frames, then lies still while samples gather:
+//! A live picture without a window: a ball rolls for some frames, then rests while samples accumulate:
 //! `cargo run --release -p carom-farm --example live_picture`
 
 use std::sync::mpsc;

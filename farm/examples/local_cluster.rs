@@ -1,5 +1,5 @@
-//! A cluster on one machine: three nodes behind sockets of this machine, with a farm's certificates, and a
-//! client that knows nothing of this but addresses: `cargo run --release -p carom-farm --example local_cluster`
+//! A cluster on one machine: three nodes that listen on local sockets with a farm's certificates, and a client
+//! that knows only their addresses: `cargo run --release -p carom-farm --example local_cluster`
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
@@ -12,7 +12,7 @@ use carom_farm::net::{Credentials, Role, farm_folder};
 use carom_farm::node::Node;
 use carom_farm::prelude::*;
 
-/// Starts a node with one thread on a free port; in earnest this is `carom-farm node` on another machine.
+/// Starts a node with one thread on a free port; in production this is `carom-farm node` on another machine.
 fn start(
     farm: &Path,
     name: &str,

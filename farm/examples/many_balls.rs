@@ -11,7 +11,7 @@ fn main() -> carom_farm::Result<()> {
         Material::plastic([0.15, 0.35, 0.75]),
     ];
     for i in 0..1000_u16 {
-        // Vogel's sunflower: each ball a golden angle on.
+        // Vogel's sunflower: each ball is turned by the golden angle from the one before.
         let (radius, angle) = (0.1 * f32::from(i).sqrt(), 2.399_963_2 * f32::from(i));
         let (sin, cos) = angle.sin_cos();
         let ball = Sphere::new(0.08).at([radius * cos, radius * sin, 0.08]);

@@ -1,5 +1,4 @@
-//! A camera in orbit, as an animated PNG; after Ctrl-C the same command goes on with the frames that are
-//! missing: `cargo run --release -p carom-farm --example orbit_film -- [FRAMES] [SAMPLES]`
+//! A camera orbit as an animated PNG; after Ctrl-C the same command resumes with the missing frames: `cargo run --release -p carom-farm --example orbit_film -- [FRAMES] [SAMPLES]`
 
 use std::f32::consts::TAU;
 

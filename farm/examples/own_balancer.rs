@@ -1,12 +1,12 @@
-//! A balancer of one's own: `cargo run --release -p carom-farm --example own_balancer`.
+//! A custom balancer: `cargo run --release -p carom-farm --example own_balancer`.
 //!
-//! The simulator lists it beside all others: `cargo run --release -p carom-bench -- balance --plot charts`;
-//! with `CAROM_BALANCER=FILE` in the environment it takes another file with a `MyBalancer`.
+//! The simulator compares it with the built-in ones: `cargo run --release -p carom-bench -- balance --plot charts`;
+//! `CAROM_BALANCER=FILE` in the environment names another file that defines `MyBalancer`.
 
 use carom_farm::balancer::{Balancer, Division, RequestOutcome, Shares};
 use carom_farm::prelude::*;
 
-/// Work in proportion to speed, as a mean that forgets: each new speed counts for a fifth.
+/// Work in proportion to speed, an exponential moving average with a weight of 0.2 for each new value.
 #[derive(Default)]
 pub struct MyBalancer {
     /// Work per second by node; 0 where nothing is known.
@@ -18,7 +18,7 @@ impl Balancer for MyBalancer {
         let speed = |node: usize| self.speeds.get(node).copied().filter(|speed| *speed > 0.0);
         let known = self.speeds.iter().filter(|speed| **speed > 0.0);
         let slowest = known.copied().fold(f64::INFINITY, f64::min);
-        // A node that is new gets as little as the slowest one.
+        // A new node gets as much as the slowest one.
         let first = if slowest.is_finite() { slowest } else { 1.0 };
         let nodes = division.candidates.iter().map(|candidate| candidate.node.0);
         let speeds: Vec<f64> = nodes.map(|node| speed(node).unwrap_or(first)).collect();

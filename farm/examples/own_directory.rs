@@ -1,6 +1,5 @@
-//! A directory of one's own, which a farm asks who is there: `cargo run --release -p carom-farm --example
-//! own_directory -- FOLDER`. In the folder, on a disk that all share, each machine keeps a file with its
-//! address.
+//! A custom directory, which tells a farm the current nodes: `cargo run --release -p carom-farm --example
+//! own_directory -- FOLDER`. Each machine keeps a file with its address in the folder, on a shared disk.
 //!
 //! `cargo test -p carom-farm --test sim own_` runs it in the simulator.
 
@@ -10,7 +9,7 @@ use std::time::Duration;
 use carom_farm::directory::{Directory, ListedNode};
 use carom_farm::prelude::*;
 
-/// Machines that are there as long as their files are.
+/// Nodes that exist as long as their files do.
 pub struct MyDirectory {
     /// Where the files are.
     pub folder: PathBuf,
@@ -21,7 +20,7 @@ impl Directory for MyDirectory {
         let path = self.folder.clone();
         let files =
             std::fs::read_dir(&self.folder).map_err(|source| Error::File { path, source })?;
-        // A file that is gone again by now was that of a machine that has left.
+        // A file that has vanished meanwhile belonged to a machine that has left.
         let addresses = files.filter_map(|file| std::fs::read_to_string(file.ok()?.path()).ok());
         addresses
             .map(|address| Ok(ListedNode::at(address.trim().parse()?)))

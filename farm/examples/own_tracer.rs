@@ -1,5 +1,5 @@
-//! A back end of one's own beside the farm's others: `cargo run --release -p carom-farm --example own_tracer`.
-//! What a real one traces on a device of its own, this one has from the CPU.
+//! A custom back end beside the farm's others: `cargo run --release -p carom-farm --example own_tracer`.
+//! It delegates to the CPU tracer where a real one would use its own device.
 //!
 //! `cargo test -p carom-farm --test sim own_` runs it in the simulator.
 

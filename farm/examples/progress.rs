@@ -1,5 +1,5 @@
 //! Progress within a frame, events of the farm, and a still that is cancelled after some seconds; the same
-//! command goes on from its checkpoint: `cargo run --release -p carom-farm --example progress -- [SECONDS]`
+//! command resumes from its checkpoint: `cargo run --release -p carom-farm --example progress -- [SECONDS]`
 
 use std::time::{Duration, Instant};
 

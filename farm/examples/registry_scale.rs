@@ -1,4 +1,4 @@
-//! Scale of a registry: the messages, bytes and CPU time that so many nodes cost which register in a NATS server, and a farm that
+//! Scale of a registry: messages, bytes and CPU time of nodes that register in a NATS server and of a farm that
 //! watches them. `.ci/registry-scale 1000` starts a server and runs this.
 
 use std::error::Error;
@@ -11,7 +11,7 @@ use carom_farm::health::http_get;
 
 type Failure = Box<dyn Error + Send + Sync>;
 
-/// What the server has counted.
+/// Counters of the server.
 #[derive(Clone, Copy)]
 struct ServerCount {
     messages: f64,
@@ -117,5 +117,5 @@ fn main() -> Result<(), Failure> {
 const THREADS: usize = 16;
 /// Until all have connected and registered.
 const FILLING: Duration = Duration::from_secs(15);
-/// What is counted over.
+/// Duration of the measurement.
 const WINDOW: Duration = Duration::from_secs(20);

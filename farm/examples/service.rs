@@ -26,7 +26,7 @@ impl Default for Request {
     }
 }
 
-/// Renders at the same time as other requests: the farm is held only while it is asked.
+/// Renders concurrently with other requests: the farm is locked only while a job is submitted.
 fn render(farm: &Mutex<Farm>, request: &Request) -> carom_farm::Result<Vec<u8>> {
     let mut scene = Scene::new().camera(Camera::looking_at([0.0, -4.0, 2.0], [0.0, 0.0, 0.5]));
     let ball = Sphere::new(0.5).at([request.x, 0.0, 0.5]);

@@ -1,4 +1,4 @@
-//! Balls on a turntable that spin as they go round, as a film of objects that move:
+//! Balls that spin on a turntable, as a film with moving objects:
 //! `cargo run --release -p carom-farm --example turntable -- [FRAMES] [SAMPLES]`
 
 use std::f32::consts::TAU;
@@ -17,7 +17,7 @@ fn main() -> carom_farm::Result<()> {
     let mut scene = Scene::new().camera(Camera::looking_at([0.0, -4.5, 2.4], [0.0, 0.0, 0.2]));
     let balls: Vec<ObjectHandle> = (0..6_u8)
         .map(|i| {
-            // A stripe, so that the spin is seen.
+            // A stripe makes the spin visible.
             let red = 0.15 + 0.14 * f32::from(i);
             let stripe = Stripe {
                 albedo: Vec3::new(red, 0.25, 0.9 - red),

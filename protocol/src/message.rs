@@ -181,7 +181,7 @@ pub struct TraceRequest {
     pub frame: FrameId,
     /// This request.
     pub id: RequestId,
-    /// A scene that the node has reported ready.
+    /// Hash of a scene that was sent to the node and not refused.
     pub scene: SceneHash,
     /// Camera, poses and particles; the latter travel as [`TraceRequest::particles`].
     #[serde(with = "without_particles")]
