@@ -2,7 +2,6 @@
 
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, Lines};
-use std::path::Path;
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::LazyLock;
 
@@ -47,13 +46,21 @@ pub(crate) struct Attacker {
 }
 
 impl Attacker {
-    /// Begins an attack on a node, and waits until it is on.
-    pub(crate) fn start(python: &OsString, attack: &str, node: &AttackedNode) -> Self {
-        write_messages(node.path());
+    /// Begins an attack with what a player of the node knows, at the node's address or at another one, and
+    /// waits until it is on.
+    pub(crate) fn start(
+        python: &OsString,
+        attack: &str,
+        node: &AttackedNode,
+        address: &str,
+    ) -> Self {
+        for (name, bytes) in &*MESSAGES {
+            std::fs::write(node.path().join(name), bytes).unwrap();
+        }
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/attack/attacker.py");
         let mut child = Command::new(python)
             .args(["-B", script, attack])
-            .args([&node.address, &node.rogue_address])
+            .args([address, &node.rogue_address])
             .arg(node.path())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -89,31 +96,37 @@ impl Drop for Attacker {
     }
 }
 
+/// A file with a message, as framed bytes.
+type MessageFile = (String, Vec<u8>);
+
 /// Messages that the attacker sends as they are.
-fn write_messages(folder: &Path) {
+static MESSAGES: LazyLock<Vec<MessageFile>> = LazyLock::new(|| {
     let scene = Scene::from_json(include_str!("../../../assets/scenes/pool.json")).unwrap();
     let hash = SceneHash::of(&scene);
     let version = message::VERSION;
-    write(folder, "hello", &ToNode::Hello { version });
-    write(folder, "scene", &scene_message(&scene));
     // Little work, and more bytes than a window that is never opened further.
     let many_pixels = ImageSize::new(320, 180);
-    write(folder, "trace", &trace(hash, many_pixels));
     let nobodys = SceneHash([9; 32]);
-    write(folder, "unknown-trace", &trace(nobodys, many_pixels));
+    let mut files = vec![
+        message_file("hello", &ToNode::Hello { version }),
+        message_file("scene", &scene_message(&scene)),
+        message_file("trace", &trace(hash, many_pixels)),
+        message_file("unknown-trace", &trace(nobodys, many_pixels)),
+    ];
     for index in 0..BOMBS {
         let bomb = texture_bomb(&scene, index);
         let name = format!("bomb-{index}");
-        write(folder, &name, &scene_message(&bomb));
-        let hash = SceneHash::of(&bomb);
         let few_pixels = ImageSize::new(32, 32);
-        write(folder, &format!("trace-{name}"), &trace(hash, few_pixels));
+        let request = trace(SceneHash::of(&bomb), few_pixels);
+        files.push(message_file(&format!("trace-{name}"), &request));
+        files.push(message_file(&name, &scene_message(&bomb)));
     }
-    write_long_scene(folder);
     let node = node_info();
     let welcome = codec::encode_to_client(&ToClient::Welcome { version, node }).unwrap();
-    std::fs::write(folder.join("welcome"), framing::frame(&welcome)).unwrap();
-}
+    files.push(("welcome".to_owned(), framing::frame(&welcome)));
+    files.extend(long_scene());
+    files
+});
 
 fn node_info() -> NodeInfo {
     let device = DeviceInfo {
@@ -130,7 +143,7 @@ fn node_info() -> NodeInfo {
 }
 
 /// What a player sends of a scene of 20 MB, and what of one whose chunks the node has.
-fn write_long_scene(folder: &Path) {
+fn long_scene() -> [MessageFile; 2] {
     let number = |index: u32| index.wrapping_mul(2_654_435_761);
     let corner = |index: u32| Vec3::new(index as f32, (number(index) >> 9) as f32, 0.0);
     let mut scene = Scene::new();
@@ -167,8 +180,8 @@ fn write_long_scene(folder: &Path) {
         }
         node.handle(packet).unwrap();
     }
-    std::fs::write(folder.join("long-scene"), whole).unwrap();
-    std::fs::write(folder.join("long-scene-again"), again).unwrap();
+    [("long-scene", whole), ("long-scene-again", again)]
+        .map(|(name, bytes)| (name.to_owned(), bytes))
 }
 
 /// Scenes with textures that are small as files.
@@ -215,7 +228,7 @@ fn trace(scene: SceneHash, size: ImageSize) -> ToNode {
     }))
 }
 
-fn write(folder: &Path, name: &str, message: &ToNode) {
+fn message_file(name: &str, message: &ToNode) -> MessageFile {
     let bytes = codec::encode_to_node(message).unwrap();
-    std::fs::write(folder.join(name), framing::frame(&bytes)).unwrap();
+    (name.to_owned(), framing::frame(&bytes))
 }

@@ -6,12 +6,14 @@
 //! of attacks are tried here and which elsewhere.
 //!
 //! Other processes of the machine disturb the player too: each attack is measured against the quiet
-//! moments before it, three times at most, and `nobody` says what the machine does by itself.
+//! moments before it, a flood against one sent elsewhere, three times at most, and `nobody` says what the machine does
+//! by itself.
 
 mod attacked_node;
 mod attacker;
 mod honest_player;
 
+use std::net::UdpSocket;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
@@ -30,33 +32,59 @@ const MEMORY_MIB_MAX: u64 = 256;
 const SLOWER_MAX: f64 = 2.0;
 const ATTEMPTS: usize = 3;
 
+/// An attack beside an honest player.
+struct Trial<'a> {
+    attack: &'a str,
+    /// Minimum duration.
+    duration: Duration,
+    /// Whether the player is compared with one beside whom the same is sent to a socket that nobody reads:
+    /// sending takes one core of the machine.
+    is_sent_aside: bool,
+}
+
+impl<'a> Trial<'a> {
+    fn new(attack: &'a str) -> Self {
+        Self {
+            attack,
+            duration: Duration::ZERO,
+            is_sent_aside: false,
+        }
+    }
+}
+
 /// Tries an attack beside an honest player. Returns what the attacker has counted; none if there is no
 /// attacker.
 fn withstood(attack: &str) -> Option<Map<String, Value>> {
-    withstood_by(attack, Duration::ZERO, AttackedNode::start)
+    withstood_by(&Trial::new(attack), AttackedNode::start)
 }
 
-/// The same for `duration` at least, of a node that `start` starts.
+/// The same of a node that `start` starts.
 fn withstood_by(
-    attack: &str,
-    duration: Duration,
+    trial: &Trial<'_>,
     start: impl FnOnce() -> AttackedNode,
 ) -> Option<Map<String, Value>> {
     let python = PYTHON.as_ref()?;
     let _alone = MACHINE.lock().unwrap_or_else(PoisonError::into_inner);
+    let attack = trial.attack;
     let mut node = start();
     let mut player = HonestPlayer::new(&node);
+    let unread = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let aside = trial
+        .is_sent_aside
+        .then(|| unread.local_addr().unwrap().to_string());
     let before = node.resources();
     let mut ratios = Vec::new();
     let mut counts = Map::new();
     for _ in 0..ATTEMPTS {
+        let sender = (aside.as_ref()).map(|aside| Attacker::start(python, attack, &node, aside));
         let quiet = player.p99_secs(Duration::ZERO);
-        let attacker = Attacker::start(python, attack, &node);
-        let attacked = player.p99_secs(duration);
+        sender.map(Attacker::end);
+        let attacker = Attacker::start(python, attack, &node, &node.address);
+        let attacked = player.p99_secs(trial.duration);
         counts = attacker.end();
         ratios.push(attacked / quiet);
         println!(
-            "{attack}: p99 {:.1} ms in quiet, {:.1} ms attacked; {}",
+            "{attack}: p99 {:.1} ms without, {:.1} ms attacked; {}",
             1e3 * quiet,
             1e3 * attacked,
             Value::Object(counts.clone())
@@ -116,7 +144,11 @@ fn replays_and_stolen_tokens_open_nothing() {
 
 #[test]
 fn floods_from_many_addresses_are_hardly_answered() {
-    if let Some(counts) = withstood("flood") {
+    let trial = Trial {
+        is_sent_aside: true,
+        ..Trial::new("flood")
+    };
+    if let Some(counts) = withstood_by(&trial, AttackedNode::start) {
         assert_reflects_little(&counts);
     }
 }
@@ -161,7 +193,7 @@ fn large_scenes_cost_their_sender() {
 
 #[test]
 fn textures_that_grow_cost_their_sender() {
-    if let Some(counts) = withstood_by("textures", Duration::ZERO, AttackedNode::start_small) {
+    if let Some(counts) = withstood_by(&Trial::new("textures"), AttackedNode::start_small) {
         assert!(count(&counts, "scenes") > 0, "{counts:?}");
     }
 }
@@ -178,7 +210,11 @@ fn nodes_of_nobodys_farm_are_told_nothing() {
 fn nodes_that_lie_do_not_hold_frames_up() {
     // The player has been calling the node that is not there, and calls again once it has given that up.
     let duration = Duration::from_secs(10);
-    if let Some(counts) = withstood_by("rogue_nodes", duration, AttackedNode::start) {
+    let trial = Trial {
+        duration,
+        ..Trial::new("rogue_nodes")
+    };
+    if let Some(counts) = withstood_by(&trial, AttackedNode::start) {
         assert!(count(&counts, "requests taken") > 0, "{counts:?}");
         assert!(count(&counts, "forged tiles") > 0, "{counts:?}");
     }
@@ -186,11 +222,7 @@ fn nodes_that_lie_do_not_hold_frames_up() {
 
 #[test]
 fn tokens_are_not_guessed() {
-    if let Some(counts) = withstood_by(
-        "guesses",
-        Duration::ZERO,
-        AttackedNode::start_with_enrolment,
-    ) {
+    if let Some(counts) = withstood_by(&Trial::new("guesses"), AttackedNode::start_with_enrolment) {
         assert!(count(&counts, "guesses") > 0, "{counts:?}");
         assert_eq!(count(&counts, "admitted"), 0, "{counts:?}");
     }
@@ -205,7 +237,7 @@ fn arbitrary_bytes_end_their_own_connection() {
 
 #[test]
 fn one_player_takes_few_connections_and_no_descriptors() {
-    if let Some(counts) = withstood_by("connections", Duration::ZERO, || {
+    if let Some(counts) = withstood_by(&Trial::new("connections"), || {
         AttackedNode::start_limited("64")
     }) {
         assert!(count(&counts, "most at once") <= 4, "{counts:?}");
